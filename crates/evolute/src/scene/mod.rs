@@ -1,0 +1,5 @@
+//! Text → description (positions kept) → [`Scene`] (checked, world frame).
+
+mod model;
+
+pub use model::*;

@@ -1,0 +1,72 @@
+//! What is asked of a transfer and what it answers.
+
+use crate::geometry::{Point3, Rgb, UnitVector3};
+
+/// An ideal cosine receiver: it occludes nothing and may lie on a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Receiver {
+    /// Where [m].
+    pub position: Point3,
+    /// Where it faces.
+    pub normal: UnitVector3,
+}
+
+/// Which parts of the irradiance are asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Components {
+    /// From lamps with no surface in between.
+    pub direct: bool,
+    /// From lamps by one or more ideal specular interactions.
+    pub specular: bool,
+}
+
+/// How accurate, and where to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransferSettings {
+    /// Tolerance as a fraction of the luminance of the sum of the components asked for.
+    pub relative: f64,
+    /// Tolerance below which the relative one does not fall [W/m²].
+    pub absolute: f64,
+    /// Longest specular chain [interactions], at most 256.
+    pub max_specular: u32,
+}
+
+impl Default for TransferSettings {
+    fn default() -> Self {
+        Self { relative: 1e-2, absolute: 0.0, max_specular: 256 }
+    }
+}
+
+/// What a receiver gets [W/m²], and how well it is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReceiverLight {
+    /// From lamps directly.
+    pub direct: Rgb,
+    /// From lamps by specular chains.
+    pub specular: Rgb,
+    /// Estimated absolute error of the luminance of the sum of what was asked for.
+    pub error: f64,
+    /// Whether `error` is within the tolerance.
+    pub met: bool,
+    /// The work it took.
+    pub counts: Counts,
+}
+
+/// Work done, in units that do not depend on the machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Root-to-leaf paths of ray trees that were traced.
+    pub chains: u64,
+    /// Quadrature cells integrated.
+    pub cells: u64,
+    /// Rays sent through the tracer (nearest hit and occlusion).
+    pub rays: u64,
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.chains += other.chains;
+        self.cells += other.cells;
+        self.rays += other.rays;
+    }
+}
