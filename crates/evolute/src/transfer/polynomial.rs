@@ -15,9 +15,8 @@ impl Patch {
     pub fn hermite(corners: &[Dual; 4], ha: f64, hb: f64) -> Self {
         const THIRD: f64 = 1.0 / 3.0;
         let [p, q, r, s] = corners;
-        let side = |x: &Dual, y: &Dual, dx: f64, dy: f64| {
-            [x.v, x.v + dx * THIRD, y.v - dy * THIRD, y.v]
-        };
+        let side =
+            |x: &Dual, y: &Dual, dx: f64, dy: f64| [x.v, x.v + dx * THIRD, y.v - dy * THIRD, y.v];
         let low = side(p, q, p.a * ha, q.a * ha);
         let high = side(r, s, r.a * ha, s.a * ha);
         let left = side(p, r, p.b * hb, r.b * hb);
@@ -27,9 +26,10 @@ impl Patch {
             let a = i as f64 * THIRD;
             for j in 0..4 {
                 let b = j as f64 * THIRD;
-                let blend = (1.0 - a) * ((1.0 - b) * p.v + b * r.v) + a * ((1.0 - b) * q.v + b * s.v);
-                c[4 * i + j] = (1.0 - b) * low[i] + b * high[i] + (1.0 - a) * left[j] + a * right[j]
-                    - blend;
+                let blend =
+                    (1.0 - a) * ((1.0 - b) * p.v + b * r.v) + a * ((1.0 - b) * q.v + b * s.v);
+                c[4 * i + j] =
+                    (1.0 - b) * low[i] + b * high[i] + (1.0 - a) * left[j] + a * right[j] - blend;
             }
         }
         Self(c)
@@ -147,17 +147,24 @@ impl Patch {
         (off, [c, ga, gb])
     }
 
-    /// +1 or −1 if the polynomial provably rises or falls along b everywhere in the cell, else 0.
-    pub fn trend_b(&self) -> i32 {
-        let (mut up, mut down) = (true, true);
+    /// +1 or −1 if the polynomial provably rises or falls along b everywhere in the cell, nowhere
+    /// slower than `evenness` times its fastest; else 0.
+    pub fn trend_b(&self, evenness: f64) -> i32 {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for i in 0..4 {
             for j in 0..3 {
                 let step = self.0[4 * i + j + 1] - self.0[4 * i + j];
-                up &= step > 0.0;
-                down &= step < 0.0;
+                low = low.min(step);
+                high = high.max(step);
             }
         }
-        i32::from(up) - i32::from(down)
+        if low > evenness * high {
+            1
+        } else if high < evenness * low {
+            -1
+        } else {
+            0
+        }
     }
 }
 
@@ -182,7 +189,12 @@ pub fn cubic_derivative(c: &[f64; 4], t: f64) -> f64 {
 /// Integral of a cubic in Bernstein form over [0, t].
 pub fn cubic_integral(c: &[f64; 4], t: f64) -> f64 {
     // Coefficients of the quartic antiderivative are running sums of quarters.
-    let k = [0.25 * c[0], 0.25 * (c[0] + c[1]), 0.25 * (c[0] + c[1] + c[2]), 0.25 * (c[0] + c[1] + c[2] + c[3])];
+    let k = [
+        0.25 * c[0],
+        0.25 * (c[0] + c[1]),
+        0.25 * (c[0] + c[1] + c[2]),
+        0.25 * (c[0] + c[1] + c[2] + c[3]),
+    ];
     let s = 1.0 - t;
     t * (4.0 * s * s * s * k[0] + t * (6.0 * s * s * k[1] + t * (4.0 * s * k[2] + t * k[3])))
 }
