@@ -1,0 +1,222 @@
+//! Wavefronts along a ray: transfer, reflection and refraction of the curvature tensor (Yu & Wu 2.1).
+//!
+//! Near a ray with unit direction d in a medium of index n, a ray through the transverse point y (in
+//! a frame e₁, e₂ ⟂ d) has the direction d − K y. K, symmetric, is the curvature tensor, **positive
+//! when converging**: its eigenvalues are 1/distance to the foci ahead.
+//!
+//! **Representation.** K has a pole at each focus, so we carry the ray family itself: with two
+//! coordinates q of the family, y = A q and the change of direction is B q; K = −B A⁻¹. Both matrices
+//! stay finite and smooth through foci, det A is the signed cross-section of the pencil per unit of
+//! q, and AᵀB stays symmetric. A spherical wave starts with A = 0, B = 1 (q in radians), a plane one
+//! with A = 1, B = 0 (q in metres). Over a distance t, A becomes A + t B: K' = K/(1 − tK), Yu & Wu (1).
+//!
+//! **Interaction.** Let N be the unit normal (either side) and S the shape operator, so that the
+//! normal at the tangential displacement τ is N − Sτ (the surface is ½ τᵀSτ along N). The law of
+//! reflection and Snell's law are n₂d₂ − n₁d₁ = γN (`media`). A neighbouring ray meets the surface at
+//! τ = Σ y_j τ_j with τ_j = e_j − d₁ (e_j·N)/(d₁·N). Differentiate the law and keep its tangential
+//! part, in which δγ drops out: n₂ δd₂ = n₁ δd₁ − γ Sτ. With G_jk = e'_j·τ_k (old → new transverse
+//! coordinates: the same point of the surface) this reads
+//!
+//!     A' = G A,    B' = G⁻ᵀ (n₁ B − γ Q A)/n₂,    Q_jk = τ_jᵀ S τ_k,
+//!
+//! or for tensors n₂ GᵀK'G = n₁ K + γ Q. In surface coordinates it is
+//! n₂ P₂K₂P₂ᵀ = n₁ P₁K₁P₁ᵀ − (n₁ d₁·N − n₂ d₂·N) S with P_ij = t_i·e_j. N → −N changes the sign of
+//! both γ and S: the side does not matter. After a reflection the frame is the mirror image of the
+//! frame before (so it changes handedness), after a refraction it is turned in the plane of incidence:
+//! G = 1 at a reflection, and det G = cos t/cos i > 0 at a refraction. So det A changes sign at foci and
+//! nowhere else.
+//!
+//! On meshes with vertex normals `LocalGeometry::n` and the symmetric part of its derivative stand for
+//! N and S: K stays a curvature tensor, and the law between the two factors holds by construction;
+//! against the traced rays it is right to first order in the size of the facets.
+
+use super::media::{reflect_direction, refract_direction};
+use super::principal::PrincipalWave;
+use crate::geometry::{Matrix2, UnitVector3, Vector2, Vector3, tangent_frame};
+use crate::surface::LocalGeometry;
+
+/// A thin pencil of rays around a central ray, at a point of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wavefront {
+    direction: UnitVector3,
+    frame: [Vector3; 2],
+    index: f64,
+    a: Matrix2,
+    b: Matrix2,
+}
+
+impl Wavefront {
+    /// The spherical wave around a point, at the point itself, in a medium of refractive index
+    /// `index`. Coordinates of the family: small angles [rad].
+    pub fn spherical(direction: UnitVector3, index: f64) -> Self {
+        let (s, t) = tangent_frame(&direction);
+        Self { direction, frame: [s, t], index, a: Matrix2::zeros(), b: Matrix2::identity() }
+    }
+
+    /// Collimated light (K = 0). Coordinates of the family: transverse position [m].
+    pub fn plane(direction: UnitVector3, index: f64) -> Self {
+        Self::with_curvature(direction, index, &Matrix2::zeros())
+    }
+
+    /// A wave of curvature `k` [1/m] in the frame `tangent_frame(direction)`; only the symmetric part
+    /// counts. Coordinates of the family: transverse position [m].
+    pub fn with_curvature(direction: UnitVector3, index: f64, k: &Matrix2) -> Self {
+        let (s, t) = tangent_frame(&direction);
+        let b = -(k + k.transpose()) * 0.5;
+        Self { direction, frame: [s, t], index, a: Matrix2::identity(), b }
+    }
+
+    /// Direction of the central ray, along the light.
+    pub fn direction(&self) -> UnitVector3 {
+        self.direction
+    }
+
+    /// e₁, e₂: orthonormal, across the direction; left-handed with it after an odd number of
+    /// reflections.
+    pub fn frame(&self) -> [Vector3; 2] {
+        self.frame
+    }
+
+    /// Refractive index of the medium.
+    pub fn index(&self) -> f64 {
+        self.index
+    }
+
+    /// A = ∂y/∂q: transverse position in the frame per coordinate of the family.
+    pub fn position_jacobian(&self) -> Matrix2 {
+        self.a
+    }
+
+    /// B: change of direction in the frame [rad] per coordinate of the family.
+    pub fn direction_jacobian(&self) -> Matrix2 {
+        self.b
+    }
+
+    /// For each coordinate of the family the transverse displacement and the change of direction, as
+    /// vectors of space: the ray differential across the central ray.
+    pub fn ray_derivatives(&self) -> [(Vector3, Vector3); 2] {
+        let [e1, e2] = self.frame;
+        let column = |m: &Matrix2, k: usize| e1 * m[(0, k)] + e2 * m[(1, k)];
+        [0, 1].map(|k| (column(&self.a, k), column(&self.b, k)))
+    }
+
+    /// det A: cross-section of the pencil per unit of dq₁dq₂, negative after an odd number of foci
+    /// ([m²/sr] for a spherical wave, [m²/m²] for a plane one).
+    pub fn cross_section(&self) -> f64 {
+        self.a.determinant()
+    }
+
+    /// det B: solid angle of the pencil per unit of dq₁dq₂, signed.
+    pub fn solid_angle(&self) -> f64 {
+        self.b.determinant()
+    }
+
+    /// The curvature tensor K [1/m] in the frame; `None` at a focus.
+    pub fn curvature(&self) -> Option<Matrix2> {
+        let k = -self.b * self.a.try_inverse()?;
+        let k = (k + k.transpose()) * 0.5;
+        k.iter().all(|x| x.is_finite()).then_some(k)
+    }
+
+    /// Principal curvatures and directions: Euler's view of the same wave; `None` at a focus.
+    pub fn principal(&self) -> Option<PrincipalWave> {
+        Some(PrincipalWave::from_tensor(self.direction, self.index, self.frame, &self.curvature()?))
+    }
+
+    /// Distances [m] along the ray at which the wave focuses, in the present medium, the nearer in
+    /// absolute value first: negative behind, infinite for a direction without curvature.
+    ///
+    /// They are the radii of curvature 1/K, found without a pole at K = ∞.
+    pub fn focal_distances(&self) -> [f64; 2] {
+        // det(A + tB) = c + m t + w t²; its roots are real because AᵀB is symmetric.
+        let (a, b) = (&self.a, &self.b);
+        let c = a.determinant();
+        let w = b.determinant();
+        let m = a[(0, 0)] * b[(1, 1)] + a[(1, 1)] * b[(0, 0)]
+            - a[(0, 1)] * b[(1, 0)]
+            - a[(1, 0)] * b[(0, 1)];
+        let root = (m * m - 4.0 * c * w).max(0.0).sqrt();
+        let q = -0.5 * (m + root.copysign(m));
+        // A zero over a zero: no curvature at all.
+        let near = if q != 0.0 { c / q } else { f64::INFINITY };
+        let far = if w != 0.0 { q / w } else { f64::INFINITY };
+        if near.abs() <= far.abs() { [near, far] } else { [far, near] }
+    }
+
+    /// The wave after a distance [m] through its medium, Yu & Wu (1).
+    #[must_use]
+    pub fn transferred(self, distance: f64) -> Self {
+        Self { a: self.a + self.b * distance, ..self }
+    }
+
+    /// The wave after a reflection. `None` at grazing incidence, where the pencil covers infinitely
+    /// much of the surface.
+    #[must_use]
+    pub fn reflected(self, at: &LocalGeometry) -> Option<Self> {
+        let n = at.n.into_inner();
+        let along = self.direction.dot(&n);
+        let q = self.shape_across(at, along)?;
+        // γ/n = −2 d·N and G = 1.
+        let b = self.b + q * self.a * (2.0 * along);
+        let frame = self.frame.map(|e| e - n * (2.0 * e.dot(&n)));
+        Some(Self { direction: reflect_direction(&self.direction, &at.n), frame, b, ..self })
+    }
+
+    /// The wave after a refraction into a medium of refractive index `index`. `None` at total
+    /// reflection and at grazing incidence on either side.
+    #[must_use]
+    pub fn refracted(self, at: &LocalGeometry, index: f64) -> Option<Self> {
+        let along = self.direction.dot(&at.n);
+        let q = self.shape_across(at, along)?;
+        let after = refract_direction(&self.direction, &at.n, self.index, index)?;
+        if after.cos_t == 0.0 {
+            return None;
+        }
+        // The least turn that takes d₁ to d₂. They are never opposite: refraction turns by less than
+        // a right angle.
+        let (d1, d2) = (self.direction.into_inner(), after.direction.into_inner());
+        let half = (d1 + d2) / (1.0 + d1.dot(&d2));
+        let frame = self.frame.map(|e| e - half * e.dot(&d2));
+        let tau = self.frame.map(|e| e - d1 * (e.dot(&at.n) / along));
+        let g = Matrix2::from_fn(|j, k| frame[j].dot(&tau[k]));
+        let b = (self.b * self.index - q * self.a * after.gamma) / index;
+        Some(Self {
+            direction: after.direction,
+            frame,
+            index,
+            a: g * self.a,
+            b: inverse_transpose(&g)? * b,
+        })
+    }
+
+    /// Q of the module's head: the surface's shape operator as the transverse plane sees it;
+    /// `along` = d·N.
+    fn shape_across(&self, at: &LocalGeometry, along: f64) -> Option<Matrix2> {
+        if along == 0.0 {
+            return None;
+        }
+        let d = self.direction.into_inner();
+        let [u, v] = self.frame.map(|e| e - d * (e.dot(&at.n) / along));
+        let (su, sv) = (at.dn_dx * u, at.dn_dx * v);
+        let off = -0.5 * (u.dot(&sv) + v.dot(&su));
+        let q = Matrix2::new(-u.dot(&su), off, off, -v.dot(&sv));
+        q.iter().all(|x| x.is_finite()).then_some(q)
+    }
+}
+
+fn inverse_transpose(m: &Matrix2) -> Option<Matrix2> {
+    let inverse = m.try_inverse()?;
+    Some(inverse.transpose())
+}
+
+/// Condition number σ₁/σ₂ ≥ 1 of a 2×2 matrix; infinite for a singular one.
+pub fn condition_number(m: &Matrix2) -> f64 {
+    // σ₁ ± σ₂ are the lengths of the matrix's parts that keep and that flip orientation.
+    let keep = Vector2::new(m[(0, 0)] + m[(1, 1)], m[(1, 0)] - m[(0, 1)]).norm();
+    let flip = Vector2::new(m[(0, 0)] - m[(1, 1)], m[(1, 0)] + m[(0, 1)]).norm();
+    let large = 0.5 * (keep + flip);
+    // σ₁σ₂ = |det|, which does not cancel as ½|keep − flip| does.
+    let square = large * large;
+    let det = m.determinant().abs();
+    if det > 0.0 { (square / det).max(1.0) } else { f64::INFINITY }
+}
