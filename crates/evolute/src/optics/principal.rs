@@ -150,3 +150,95 @@ impl PrincipalWave {
 fn euler(kappa: &[f64; 2], axes: &[Vector3; 2], u: &Vector3, v: &Vector3) -> f64 {
     kappa[0] * axes[0].dot(u) * axes[0].dot(v) + kappa[1] * axes[1].dot(u) * axes[1].dot(v)
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::geometry::{Point3, math};
+    use crate::optics::Wavefront;
+    use proptest::prelude::*;
+
+    fn unit(x: f64, y: f64, z: f64) -> UnitVector3 {
+        UnitVector3::new_normalize(Vector3::new(x, y, z))
+    }
+
+    #[test]
+    fn eigenvectors_of_a_tensor_give_it_back() {
+        let d = unit(0.3, -0.2, 1.0);
+        let (s, t) = tangent_frame(&d);
+        for k in [
+            Matrix2::new(2.0, 0.3, 0.3, -1.0),
+            Matrix2::new(-1.0, 0.3, 0.3, 2.0),
+            Matrix2::new(-1.0, -1e-9, -1e-9, -1.0),
+            Matrix2::new(0.0, -3.0, -3.0, 0.0),
+            Matrix2::identity() * 4.0,
+        ] {
+            let wave = PrincipalWave::from_tensor(d, 1.0, [s, t], &k);
+            assert!((wave.tensor([s, t]) - k).norm() < 1e-15 * k.norm());
+            assert!(wave.kappa[0] >= wave.kappa[1]);
+            assert!(wave.torsion(&wave.axes[0], &wave.axes[1]).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn euler_s_formula_as_printed() {
+        let d = unit(0.0, 0.0, 1.0);
+        let wave = PrincipalWave {
+            direction: d,
+            index: 1.0,
+            kappa: [2.0, -0.5],
+            axes: [Vector3::x(), Vector3::y()],
+        };
+        let (sin, cos) = math::sin_cos(0.7);
+        let u = Vector3::new(cos, sin, 0.0);
+        let v = Vector3::new(sin, -cos, 0.0);
+        assert!((wave.normal_curvature(&u) - (2.0 * cos * cos - 0.5 * sin * sin)).abs() < 1e-15);
+        assert!((wave.torsion(&u, &v) - 2.5 * sin * cos).abs() < 1e-15);
+    }
+
+    fn steps() -> impl Strategy<Value = Vec<([f64; 2], [f64; 2], f64, Option<f64>, f64)>> {
+        let step = (
+            prop::array::uniform2(-0.9..0.9f64), // slant of the surface
+            prop::array::uniform2(-2.0..2.0f64), // its principal curvatures [1/m]
+            0.0..3.2f64,                         // their direction
+            prop::option::of(1.0..2.0f64),       // refractive index behind, or a mirror
+            0.1..2.0f64,                         // way to go
+        );
+        prop::collection::vec(step, 1..=6)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn euler_and_the_tensor_agree(steps in steps(), k in prop::array::uniform3(-1.0..1.0f64)) {
+            let d = unit(0.2, -0.4, 1.0);
+            let (s, t) = tangent_frame(&d);
+            let tensor = Matrix2::new(k[0], k[1], k[1], k[2]);
+            let mut wave = Wavefront::with_curvature(d, 1.0, &tensor);
+            let mut euler = PrincipalWave::from_tensor(d, 1.0, [s, t], &tensor);
+            for (slant, kappa, angle, behind, way) in steps {
+                let d = wave.direction();
+                let (s, t) = tangent_frame(&d);
+                let n = UnitVector3::new_normalize(-d.into_inner() + s * slant[0] + t * slant[1]);
+                let (u, v) = tangent_frame(&n);
+                let (sin, cos) = math::sin_cos(angle);
+                let (u, v) = (u * cos + v * sin, v * cos - u * sin);
+                let dn_dx = -(u * u.transpose() * kappa[0] + v * v.transpose() * kappa[1]);
+                let at = LocalGeometry { x: Point3::origin(), n, ng: n, dn_dx };
+                let next = match behind {
+                    Some(index) => wave.refracted(&at, index).zip(euler.refracted(&at, index)),
+                    None => wave.reflected(&at).zip(euler.reflected(&at)),
+                };
+                let Some((w, e)) = next else { break }; // total reflection
+                (wave, euler) = (w.transferred(way), e.transferred(way));
+                // Close to a focus κ loses digits like κ² in either form.
+                let Some(k) = wave.curvature() else { break };
+                let scale = k.norm().max(1.0);
+                prop_assume!(scale < 1e3);
+                prop_assert!((euler.tensor(wave.frame()) - k).norm() < 1e-9 * scale);
+                prop_assert!((euler.direction.into_inner() - wave.direction().into_inner()).norm() < 1e-13);
+            }
+        }
+    }
+}

@@ -220,3 +220,227 @@ pub fn condition_number(m: &Matrix2) -> f64 {
     let det = m.determinant().abs();
     if det > 0.0 { (square / det).max(1.0) } else { f64::INFINITY }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::geometry::{Matrix3, Point3, math};
+
+    fn unit(v: Vector3) -> UnitVector3 {
+        UnitVector3::new_normalize(v)
+    }
+
+    /// A surface z = ½ (κ₁ x² + κ₂ y²) at its apex, normal +z, turned by `angle` about z.
+    fn apex(kappa: [f64; 2], angle: f64) -> LocalGeometry {
+        let (s, c) = math::sin_cos(angle);
+        let (u, v) = (Vector3::new(c, s, 0.0), Vector3::new(-s, c, 0.0));
+        let n = unit(Vector3::z());
+        let dn_dx = -(u * u.transpose() * kappa[0] + v * v.transpose() * kappa[1]);
+        LocalGeometry { x: Point3::origin(), n, ng: n, dn_dx }
+    }
+
+    /// Downward, at `incidence` [rad] from the normal, in the xz plane.
+    fn downward(incidence: f64) -> UnitVector3 {
+        let (s, c) = math::sin_cos(incidence);
+        unit(Vector3::new(s, 0.0, -c))
+    }
+
+    fn close(got: f64, want: f64, tolerance: f64) {
+        assert!((got - want).abs() <= tolerance * want.abs().max(1.0), "{got}, not {want}");
+    }
+
+    /// The wave's normal curvatures in the plane of incidence xz and across it.
+    fn tangential_sagittal(wave: &Wavefront) -> [f64; 2] {
+        let p = wave.principal().unwrap();
+        let sagittal = Vector3::y();
+        [p.normal_curvature(&sagittal.cross(&wave.direction())), p.normal_curvature(&sagittal)]
+    }
+
+    #[test]
+    fn transfer_is_the_printed_formula_and_passes_the_focus() {
+        let k = Matrix2::new(0.5, 0.1, 0.1, -0.3);
+        let wave = Wavefront::with_curvature(unit(Vector3::new(0.1, 0.2, 1.0)), 1.0, &k);
+        let before = wave.principal().unwrap().kappa;
+        for t in [0.7, 1.9, 2.3, 40.0] {
+            let after = wave.transferred(t).principal().unwrap().kappa;
+            let mut want = before.map(|k| k / (1.0 - t * k));
+            want.sort_by(|a, b| b.total_cmp(a));
+            close(after[0], want[0], 1e-13);
+            close(after[1], want[1], 1e-13);
+            // Yu & Wu (2): r₁r₂/(r'₁r'₂) = dA/dA'.
+            let ratio = after[0] * after[1] / (before[0] * before[1]);
+            close(1.0 / wave.transferred(t).cross_section(), ratio, 1e-12);
+        }
+        let [near, far] = wave.focal_distances();
+        close(near, 1.0 / before[0], 1e-14);
+        close(far, 1.0 / before[1], 1e-14);
+        assert!(wave.transferred(near * 0.999).cross_section() > 0.0);
+        assert!(wave.transferred(near * 1.001).cross_section() < 0.0);
+    }
+
+    #[test]
+    fn sources_start_where_they_are() {
+        let d = unit(Vector3::new(0.3, -0.4, 1.0));
+        let sphere = Wavefront::spherical(d, 1.0);
+        assert!(sphere.curvature().is_none());
+        assert_eq!(sphere.focal_distances()[0], 0.0);
+        let k = sphere.transferred(4.0).curvature().unwrap();
+        assert!((k + Matrix2::identity() * 0.25).norm() < 1e-16);
+        assert_eq!(sphere.transferred(4.0).cross_section(), 16.0);
+        let plane = Wavefront::plane(d, 1.0).transferred(1e6);
+        assert_eq!(plane.curvature().unwrap(), Matrix2::zeros());
+        assert!(plane.focal_distances().iter().all(|f| f.is_infinite()));
+    }
+
+    #[test]
+    fn mirror_equation() {
+        // 1/s + 1/s' = 2/R for a concave mirror of radius R; behind a convex one R < 0.
+        for (s, radius) in [(3.0, 2.0), (0.4, 2.0), (5.0, -1.5), (1.0, 1.0)] {
+            let wave = Wavefront::spherical(downward(0.0), 1.0)
+                .transferred(s)
+                .reflected(&apex([1.0 / radius; 2], 0.3))
+                .unwrap();
+            let image = 2.0 / radius - 1.0 / s;
+            let k = wave.principal().unwrap().kappa;
+            close(k[0], image, 1e-14);
+            close(k[1], image, 1e-14);
+            close(wave.focal_distances()[0], 1.0 / image, 1e-14);
+        }
+    }
+
+    /// Power n K' of a lens of thickness `d` for collimated light from above: radii as optics has
+    /// them, positive where the centre is on the far side.
+    fn lens(n: f64, radii: [f64; 2], d: f64) -> f64 {
+        // Our κ is along +z, against the light.
+        let wave = Wavefront::plane(downward(0.0), 1.0)
+            .refracted(&apex([-1.0 / radii[0]; 2], 0.0), n)
+            .unwrap()
+            .transferred(d)
+            .refracted(&apex([-1.0 / radii[1]; 2], 0.0), 1.0)
+            .unwrap();
+        wave.principal().unwrap().kappa[0]
+    }
+
+    #[test]
+    fn lens_makers_equation() {
+        for (n, [r1, r2]) in [(1.5, [0.5, -0.7]), (1.7, [-0.3, 0.9]), (1.33, [0.2, 0.4])] {
+            let thin = (n - 1.0) * (1.0 / r1 - 1.0 / r2);
+            close(lens(n, [r1, r2], 0.0), thin, 1e-13);
+            for d in [0.01, 0.1] {
+                let power = (n - 1.0) * (1.0 / r1 - 1.0 / r2 + (n - 1.0) * d / (n * r1 * r2));
+                // Back focal length f_b = f (1 − (n−1) d/(n R₁)).
+                let back = power / (1.0 - (n - 1.0) * d / (n * r1));
+                close(lens(n, [r1, r2], d), back, 1e-13);
+            }
+        }
+    }
+
+    #[test]
+    fn coddington_for_refraction() {
+        // n' cos² i'/t' − n cos² i/t = (n' cos i' − n cos i)/R, n'/s' − n/s = the same.
+        // R is positive with the centre on the far side, t and s along the light.
+        for (n1, n2, r, angle, source) in
+            [(1.0, 1.5, 2.0, 0.6, 3.0), (1.5, 1.0, -0.8, 0.5, 1.0), (1.0, 1.33, -1.0, 1.2, 0.3)]
+        {
+            let wave = Wavefront::spherical(downward(angle), n1)
+                .transferred(source)
+                .refracted(&apex([-1.0 / r; 2], 0.7), n2)
+                .unwrap();
+            let cos_i = math::cos(angle);
+            let sin_t = math::sin(angle) * n1 / n2;
+            let cos_t = (1.0 - sin_t * sin_t).sqrt();
+            let power = (n2 * cos_t - n1 * cos_i) / r;
+            let tangential = (power - n1 * cos_i * cos_i / source) / (n2 * cos_t * cos_t);
+            let sagittal = (power - n1 / source) / n2;
+            let [t, s] = tangential_sagittal(&wave);
+            close(t, tangential, 1e-13);
+            close(s, sagittal, 1e-13);
+            // The cross-section changes by cos t/cos i at the surface.
+            close(wave.cross_section(), source * source * cos_t / cos_i, 1e-13);
+        }
+    }
+
+    #[test]
+    fn coddington_for_reflection() {
+        // 1/s + 1/t' = 2/(R cos i), 1/s + 1/s' = 2 cos i/R.
+        for (r, angle, source) in [(2.0, 0.6, 3.0), (-0.8, 1.3, 1.0), (0.5, 0.1, 0.3)] {
+            let wave = Wavefront::spherical(downward(angle), 1.3)
+                .transferred(source)
+                .reflected(&apex([1.0 / r; 2], 0.2))
+                .unwrap();
+            let cos_i = math::cos(angle);
+            let [t, s] = tangential_sagittal(&wave);
+            close(t, 2.0 / (r * cos_i) - 1.0 / source, 1e-13);
+            close(s, 2.0 * cos_i / r - 1.0 / source, 1e-13);
+            close(wave.cross_section(), source * source, 1e-14);
+        }
+    }
+
+    #[test]
+    fn the_normal_s_side_does_not_matter() {
+        let at = apex([0.7, -1.1], 0.4);
+        let other = LocalGeometry { n: -at.n, ng: -at.ng, dn_dx: -at.dn_dx, ..at };
+        let wave = Wavefront::spherical(unit(Vector3::new(0.5, 0.2, -1.0)), 1.2).transferred(2.0);
+        let pairs = [
+            (wave.reflected(&at).unwrap(), wave.reflected(&other).unwrap()),
+            (wave.refracted(&at, 1.6).unwrap(), wave.refracted(&other, 1.6).unwrap()),
+        ];
+        for (w, o) in pairs {
+            assert!((w.direction().dot(&o.direction()) - 1.0).abs() < 1e-15);
+            assert!((w.direction_jacobian() - o.direction_jacobian()).norm() < 1e-14);
+            assert!((w.position_jacobian() - o.position_jacobian()).norm() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn nothing_passes_at_total_reflection_or_along_the_surface() {
+        let wave = Wavefront::plane(downward(1.0), 1.5);
+        assert!(wave.refracted(&apex([1.0, 0.0], 0.0), 1.0).is_none());
+        let grazing = Wavefront::plane(unit(Vector3::x()), 1.0);
+        assert!(grazing.reflected(&apex([1.0, 0.0], 0.0)).is_none());
+        assert!(grazing.refracted(&apex([1.0, 0.0], 0.0), 1.5).is_none());
+    }
+
+    #[test]
+    fn frames_stay_orthonormal_and_tensors_symmetric_over_a_long_chain() {
+        // 200 interactions at slanted, astigmatic surfaces of weak curvature.
+        let mut wave = Wavefront::spherical(downward(0.3), 1.0).transferred(1.0);
+        for i in 0..200 {
+            let x = i as f64;
+            let tilt = unit(Vector3::new(0.3 * math::sin(1.7 * x), 0.3 * math::cos(2.3 * x), 1.0));
+            let n = unit(wave.direction().into_inner() + 0.7 * tilt.into_inner());
+            let (u, v) = tangent_frame(&n);
+            let dn_dx = u * u.transpose() * 0.01 - v * v.transpose() * 0.015;
+            let at = LocalGeometry { x: Point3::origin(), n, ng: n, dn_dx };
+            wave = match i % 3 {
+                0 => wave.refracted(&at, 1.5),
+                1 => wave.reflected(&at),
+                _ => wave.refracted(&at, 1.0),
+            }
+            .unwrap_or(wave)
+            .transferred(0.1);
+        }
+        let [e1, e2] = wave.frame();
+        let d = wave.direction().into_inner();
+        for (x, y, want) in
+            [(e1, e1, 1.0), (e2, e2, 1.0), (e1, e2, 0.0), (e1, d, 0.0), (e2, d, 0.0)]
+        {
+            assert!((x.dot(&y) - want).abs() < 1e-13);
+        }
+        let (a, b) = (wave.position_jacobian(), wave.direction_jacobian());
+        let s = a.transpose() * b;
+        assert!((s[(0, 1)] - s[(1, 0)]).abs() < 1e-12 * a.norm() * b.norm());
+    }
+
+    #[test]
+    fn condition_numbers() {
+        close(condition_number(&Matrix2::new(3.0, 0.0, 0.0, -0.5)), 6.0, 1e-15);
+        close(condition_number(&Matrix2::new(0.6, -0.8, 0.8, 0.6)), 1.0, 1e-15);
+        let (s, c) = math::sin_cos(0.4);
+        let turn = Matrix2::new(c, -s, s, c);
+        let m = turn * Matrix2::new(1e7, 0.0, 0.0, 1.0) * turn;
+        assert!((condition_number(&m) / 1e7 - 1.0).abs() < 1e-7);
+        assert!(condition_number(&Matrix2::zeros()).is_infinite());
+    }
+}
