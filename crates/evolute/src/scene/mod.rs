@@ -1,5 +1,6 @@
 //! Text → description (positions kept) → [`Scene`] (checked, world frame).
 
 mod model;
+mod totals;
 
 pub use model::*;
