@@ -1,7 +1,21 @@
 //! Nearest hit and occlusion over all surfaces of a scene.
+//!
+//! Rays leave surfaces by geometry, not by an offset: the anchors given with a ray name the roots that
+//! are its own start. A plane, a rectangle or a triangle is not met again; of a sphere or cylinder the
+//! known root is divided out and the other one counts; a start on the border of two triangles counts
+//! as infinitesimally inside the anchor's own, so that a concave neighbour blocks at once and a convex
+//! or coplanar one does not. A surface that is *not* named but on which the start lies as far as the
+//! rounding of its own test can tell is not met there either.
 
-use crate::scene::ShapeId;
-use crate::surface::SurfacePoint;
+mod hierarchy;
+mod triangle;
+
+use crate::geometry::{Aabb, Point3, Ray, Vector3};
+use crate::scene::{Scene, ShapeId};
+use crate::surface::{Mesh, Surface, SurfacePoint, contact_tolerance};
+use arrayvec::ArrayVec;
+use hierarchy::{Hierarchy, Leaf};
+use triangle::{Shear, Triangle, border, enters_neighbour, in_plane, weights_on};
 
 /// A point of a shape: where a ray starts or ends. A ray does not meet the surface again at the
 /// point it starts from; other intersections with the same surface count.
@@ -16,25 +30,424 @@ pub struct Anchor {
 /// Where a ray meets a surface first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Ray parameter, in units of the direction's length.
+    /// Ray parameter, in units of the direction's length. Zero only where a ray from the border of
+    /// two triangles runs into the neighbour at once.
     pub t: f64,
-    /// Where.
+    /// Where; the point's `x` lies on the surface to rounding, not only on the ray.
     pub anchor: Anchor,
 }
 
-/// Finds nearest hits and occlusion in a scene.
+/// Finds nearest hits and occlusion in a scene. Shared by threads.
+///
+/// Every surface is met from both sides; what a side does is the material's affair. Answers do not
+/// depend on the hierarchy: of hits at equal t the one of the lowest shape, then of its lowest
+/// triangle, counts.
+#[derive(Debug)]
 pub struct Tracer<'s> {
-    scene: &'s crate::scene::Scene,
+    scene: &'s Scene,
+    hierarchy: Hierarchy,
+    /// In the order of the hierarchy's leaves.
+    triangles: Vec<Triangle>,
+    others: Vec<(u32, u32)>,
 }
+
+/// A start or end on the border of triangles of a mesh: what decides whether a neighbour is met there.
+struct BorderPoint {
+    shape: u32,
+    primitive: u32,
+    /// The corners of the edge or vertex.
+    corners: ArrayVec<Point3, 2>,
+    x: Point3,
+    /// From the point into its own triangle.
+    inward: Vector3,
+    /// The ray's direction away from the point.
+    direction: Vector3,
+    /// Ray parameter there.
+    t: f64,
+}
+
+/// What a ray knows of its ends.
+struct Ends<'a> {
+    start: &'a [Anchor],
+    /// Shadow rays only: the end, and the point at t_max.
+    end: Option<&'a Anchor>,
+    end_point: Option<Point3>,
+    borders: ArrayVec<BorderPoint, 9>,
+}
+
+/// What a ray finds at a triangle or another primitive.
+type Found = (f64, SurfacePoint);
 
 impl<'s> Tracer<'s> {
     /// Builds the hierarchy.
-    pub fn new(scene: &'s crate::scene::Scene) -> Self {
-        Self { scene }
+    pub fn new(scene: &'s Scene) -> Self {
+        let mut primitives = Vec::new();
+        let mut boxes = Vec::new();
+        for (i, shape) in (0u32..).zip(&scene.shapes) {
+            for primitive in 0..primitive_count(&shape.surface) {
+                let b = primitive_bounds(&shape.surface, primitive);
+                // A triangle without area is never met; the half-open rest of a NaN neither.
+                if !b.is_empty() {
+                    primitives.push((i, primitive));
+                    boxes.push(b);
+                }
+            }
+        }
+        let surface = |i: u32| &scene.shapes[i as usize].surface;
+        let hierarchy = Hierarchy::new(&boxes, |i| match surface(primitives[i as usize].0) {
+            Surface::Mesh(_) => 0,
+            _ => 1,
+        });
+        let triangles = hierarchy.order[0]
+            .iter()
+            .filter_map(|&i| {
+                let (shape, primitive) = primitives[i as usize];
+                mesh_of(surface(shape)).map(|m| Triangle {
+                    corners: m.corners(primitive),
+                    shape,
+                    primitive,
+                })
+            })
+            .collect();
+        let others = hierarchy.order[1].iter().map(|&i| primitives[i as usize]).collect();
+        Self { scene, hierarchy, triangles, others }
     }
 
     /// The scene traced.
-    pub fn scene(&self) -> &'s crate::scene::Scene {
+    pub fn scene(&self) -> &'s Scene {
         self.scene
+    }
+
+    /// A box around everything [m].
+    pub fn bounds(&self) -> Aabb {
+        self.hierarchy.bounds
+    }
+
+    /// The first surface that the ray meets at 0 < t ≤ `t_max`; `start` names the surfaces on which
+    /// it starts.
+    pub fn nearest(&self, ray: &Ray, t_max: f64, start: &[Anchor]) -> Option<Hit> {
+        let shear = Shear::new(ray);
+        let ends = self.ends(ray, t_max, start, None);
+        let mut best: Option<(u32, Found)> = None;
+        // Of equals the lowest shape, then the lowest primitive, wins.
+        let offer = |best: &mut Option<(u32, Found)>, t_max: &mut f64, shape: u32, found: Found| {
+            let ((t, point), wins) = (
+                found,
+                match best {
+                    None => true,
+                    Some((s, (t, p))) => {
+                        found.0 < *t
+                            || found.0 == *t && (shape, found.1.primitive) < (*s, p.primitive)
+                    }
+                },
+            );
+            if wins {
+                *best = Some((shape, (t, point)));
+                *t_max = t;
+            }
+        };
+        self.hierarchy.along(ray, t_max, |leaf, t_max| {
+            for triangle in self.triangles_of(leaf) {
+                if let Some(found) = meet_triangle(triangle, &shear, ray, *t_max, &ends) {
+                    offer(&mut best, t_max, triangle.shape, found);
+                }
+            }
+            for &(shape, primitive) in self.others_of(leaf) {
+                if let Some(found) = self.meet(shape, primitive, ray, *t_max, &ends) {
+                    offer(&mut best, t_max, shape, found);
+                }
+            }
+            false
+        });
+        let (shape, (t, mut point)) = best?;
+        let shape = ShapeId(shape);
+        if let Surface::Mesh(m) = &self.scene.shape(shape).surface {
+            point = m.at(point.primitive, point.p, point.q);
+        }
+        Some(Hit { t, anchor: Anchor { shape, point } })
+    }
+
+    /// Whether anything lies strictly between the ray's start and `t_max`. `start` names the surfaces
+    /// on which the ray starts, `end` the surface point at `t_max`: its own root there does not
+    /// occlude, other roots of its surface do. Surfaces on which the end lies as far as rounding can
+    /// tell (a lamp flush in a ceiling) do not occlude there either.
+    pub fn occluded(&self, ray: &Ray, t_max: f64, start: &[Anchor], end: Option<&Anchor>) -> bool {
+        let shear = Shear::new(ray);
+        let mut ends = self.ends(ray, t_max, start, end);
+        ends.end_point =
+            t_max.is_finite().then(|| end.map_or_else(|| ray.at(t_max), |e| e.point.x));
+        let mut occluded = false;
+        self.hierarchy.along(ray, t_max, |leaf, t_max| {
+            occluded = self
+                .triangles_of(leaf)
+                .iter()
+                .any(|t| meet_triangle(t, &shear, ray, *t_max, &ends).is_some())
+                || self
+                    .others_of(leaf)
+                    .iter()
+                    .any(|&(shape, i)| self.meet(shape, i, ray, *t_max, &ends).is_some());
+            occluded
+        });
+        occluded
+    }
+
+    /// The surfaces on which `x` lies, to within [`contact_tolerance`] (64 units in the last place of
+    /// the largest coordinate of `x` and of the surface's bounds: what a dozen operations in double
+    /// precision may lose); at most eight, the first by shape. Of a mesh one triangle, the first; more
+    /// only where triangles without a common corner touch.
+    pub fn contacts(&self, x: &Point3) -> ArrayVec<Anchor, 8> {
+        let around = Aabb { min: *x, max: *x }.grown(contact_tolerance(x, &self.bounds()));
+        let mut found = Vec::new();
+        let mut add = |shape: u32, point: Option<SurfacePoint>| {
+            found.extend(point.map(|point| Anchor { shape: ShapeId(shape), point }));
+        };
+        self.hierarchy.within(&around, |leaf| {
+            for t in self.triangles_of(leaf) {
+                if let Some(m) = mesh_of(self.surface(t.shape)) {
+                    add(t.shape, m.locate_on(t.primitive, x));
+                }
+            }
+            for &(shape, _) in self.others_of(leaf) {
+                add(shape, self.surface(shape).locate(x));
+            }
+            false
+        });
+        found.sort_by_key(|a| (a.shape, a.point.primitive));
+        let mut contacts: ArrayVec<Anchor, 8> = ArrayVec::new();
+        for anchor in found {
+            let known = contacts.iter().any(|c| {
+                c.shape == anchor.shape
+                    && (c.point.primitive == anchor.point.primitive
+                        || mesh_of(&self.scene.shape(c.shape).surface).is_some_and(|m| {
+                            let near = m.corners(anchor.point.primitive);
+                            m.corners(c.point.primitive).iter().any(|p| near.contains(p))
+                        }))
+            });
+            if !known && contacts.try_push(anchor).is_err() {
+                break;
+            }
+        }
+        contacts
+    }
+
+    /// Collects all primitives whose boxes overlap `bounds` into `out` (emptied first), by shape and
+    /// primitive; false, and no more than `limit` of them in `out`, if there are more.
+    pub fn occluders_in(&self, bounds: &Aabb, out: &mut Vec<(ShapeId, u32)>, limit: usize) -> bool {
+        out.clear();
+        let mut complete = true;
+        self.hierarchy.within(bounds, |leaf| {
+            let triangles = self.triangles_of(leaf).iter().map(|t| (t.shape, t.primitive));
+            for (shape, i) in triangles.chain(self.others_of(leaf).iter().copied()) {
+                if primitive_bounds(self.surface(shape), i).overlaps(bounds) {
+                    complete = out.len() < limit;
+                    if !complete {
+                        return true;
+                    }
+                    out.push((ShapeId(shape), i));
+                }
+            }
+            false
+        });
+        out.sort_unstable();
+        complete
+    }
+
+    fn surface(&self, shape: u32) -> &'s Surface {
+        &self.scene.shapes[shape as usize].surface
+    }
+
+    #[inline(always)]
+    fn triangles_of(&self, leaf: Leaf) -> &[Triangle] {
+        match leaf.class {
+            0 => &self.triangles[leaf.first..leaf.first + leaf.count],
+            _ => &[],
+        }
+    }
+
+    #[inline(always)]
+    fn others_of(&self, leaf: Leaf) -> &[(u32, u32)] {
+        match leaf.class {
+            0 => &[],
+            _ => &self.others[leaf.first..leaf.first + leaf.count],
+        }
+    }
+
+    fn ends<'a>(
+        &self,
+        ray: &Ray,
+        t_max: f64,
+        start: &'a [Anchor],
+        end: Option<&'a Anchor>,
+    ) -> Ends<'a> {
+        let mut borders = ArrayVec::new();
+        let ends = start.iter().map(|a| (a, ray.direction, 0.0));
+        for (anchor, direction, t) in ends.chain(end.map(|a| (a, -ray.direction, t_max))) {
+            if let Surface::Mesh(m) = self.surface(anchor.shape.0) {
+                let triangle = m.corners(anchor.point.primitive);
+                let on = border(&triangle, anchor.point.p, anchor.point.q);
+                if !on.is_empty() {
+                    let middle =
+                        (triangle[0].coords + triangle[1].coords + triangle[2].coords) / 3.0;
+                    // More than nine such ends there cannot be in earnest; further ones go by rounding.
+                    let _ = borders.try_push(BorderPoint {
+                        shape: anchor.shape.0,
+                        primitive: anchor.point.primitive,
+                        corners: on.iter().map(|&i| triangle[i]).collect(),
+                        x: anchor.point.x,
+                        inward: middle - anchor.point.x.coords,
+                        direction,
+                        t,
+                    });
+                }
+            }
+        }
+        Ends { start, end, end_point: None, borders }
+    }
+
+    /// The nearest root of a primitive that is not a triangle at 0 < t ≤ `t_max`.
+    fn meet(&self, shape: u32, _: u32, ray: &Ray, t_max: f64, ends: &Ends) -> Option<Found> {
+        let surface = self.surface(shape);
+        let start = ends.start.iter().find(|a| a.shape.0 == shape);
+        let end = ends.end.filter(|a| a.shape.0 == shape);
+        let counts = |t: f64| {
+            t > 0.0
+                && t <= t_max
+                && (end.is_some() || !ends.near_end(t, t_max, |x| surface.locate(x).is_some()))
+        };
+        // The roots of a quadric of which ends are known: the sum of both roots is known.
+        let roots =
+            |roots: Option<[f64; 2]>, other: &dyn Fn(&Point3) -> Option<f64>| match (start, end) {
+                (None, None) => roots,
+                (Some(a), None) => other(&a.point.x).map(|t| [t; 2]),
+                (None, Some(a)) => {
+                    other(&a.point.x).map(|t| [t_max + t; 2]).filter(|t| t[0] < t_max)
+                }
+                (Some(_), Some(_)) => None,
+            };
+        match surface {
+            Surface::Rectangle(_) | Surface::Disk(_) if start.is_some() || end.is_some() => None,
+            Surface::Rectangle(s) => s.crossing(ray).filter(|c| counts(c.0)),
+            Surface::Disk(s) => s.crossing(ray).filter(|c| counts(c.0)),
+            Surface::Sphere(s) => {
+                let d = &ray.direction;
+                let known = start.is_some() || end.is_some();
+                let roots = roots(if known { None } else { s.roots(ray) }, &|x| {
+                    Some(s.other_root(x, d)).filter(|t| t.is_finite())
+                })?;
+                let t = roots.into_iter().find(|&t| counts(t))?;
+                Some((t, s.projected(&ray.at(t))?))
+            }
+            Surface::Cylinder(s) => {
+                let known = start.is_some() || end.is_some();
+                let roots = roots(if known { None } else { s.roots(ray) }, &|x| {
+                    s.other_root(x, &ray.direction)
+                })?;
+                roots
+                    .into_iter()
+                    .filter(|&t| counts(t))
+                    .find_map(|t| s.between_ends(&ray.at(t), &ray.origin).map(|point| (t, point)))
+            }
+            Surface::Mesh(_) => None,
+        }
+    }
+}
+
+impl Ends<'_> {
+    /// Whether a root at `t` is the end of a shadow ray as far as rounding can tell: `on` decides for
+    /// the end's point, and is asked only where it can matter.
+    fn near_end(&self, t: f64, t_max: f64, on: impl Fn(&Point3) -> bool) -> bool {
+        // The fraction is generous: it only decides whether the exact question is asked.
+        self.end_point.as_ref().is_some_and(|x| t >= t_max * (1.0 - 1e-6) && on(x))
+    }
+}
+
+/// The crossing of a ray with a triangle at 0 < t ≤ `t_max`; its point's `x` is yet to be computed.
+#[inline(always)]
+fn meet_triangle(
+    triangle: &Triangle,
+    shear: &Shear,
+    ray: &Ray,
+    t_max: f64,
+    ends: &Ends,
+) -> Option<Found> {
+    if !ends.borders.is_empty() {
+        match meet_at_border(triangle, ends) {
+            AtBorder::Elsewhere => {}
+            AtBorder::Passed => return None,
+            AtBorder::Met(found) => return Some(found),
+        }
+    }
+    let c = shear.crossing(&triangle.corners)?;
+    if !(c.t > 0.0 && c.t <= t_max) {
+        return None;
+    }
+    let own = |a: &Anchor| a.shape.0 == triangle.shape && a.point.primitive == triangle.primitive;
+    if ends.start.iter().any(own)
+        || ends.end.is_some_and(own)
+        || c.is_start(&triangle.corners, &ray.origin)
+        || ends.near_end(c.t, t_max, |x| in_plane(&triangle.corners, x))
+    {
+        return None;
+    }
+    let point = SurfacePoint { primitive: triangle.primitive, p: c.p, q: c.q, x: Point3::origin() };
+    Some((c.t, point))
+}
+
+enum AtBorder {
+    /// The triangle does not have the border in question.
+    Elsewhere,
+    /// It has, and the ray leaves it at once.
+    Passed,
+    /// It has, and the ray runs into it at once.
+    Met(Found),
+}
+
+/// What happens at a start (or end) on a border to triangles that share it.
+#[cold]
+fn meet_at_border(triangle: &Triangle, ends: &Ends) -> AtBorder {
+    let mut result = AtBorder::Elsewhere;
+    for b in ends.borders.iter().filter(|b| b.shape == triangle.shape) {
+        if b.primitive == triangle.primitive {
+            return AtBorder::Passed;
+        }
+        let shared: ArrayVec<usize, 3> =
+            (0..3).filter(|&i| b.corners.contains(&triangle.corners[i])).collect();
+        if shared.len() != b.corners.len() {
+            continue;
+        }
+        result = AtBorder::Passed;
+        if enters_neighbour(&triangle.corners, &shared, &b.inward, &b.direction) {
+            let weights = weights_on(&triangle.corners, &shared, &b.x);
+            let (p, q) = (weights[1], weights[2]);
+            let primitive = triangle.primitive;
+            return AtBorder::Met((b.t, SurfacePoint { primitive, p, q, x: b.x }));
+        }
+    }
+    result
+}
+
+fn mesh_of(surface: &Surface) -> Option<&Mesh> {
+    match surface {
+        Surface::Mesh(m) => Some(m),
+        _ => None,
+    }
+}
+
+/// How many primitives of the hierarchy a surface is.
+fn primitive_count(surface: &Surface) -> u32 {
+    match surface {
+        Surface::Mesh(m) => m.triangles().len() as u32,
+        _ => 1,
+    }
+}
+
+/// The box of a primitive [m]; empty for a triangle without area.
+fn primitive_bounds(surface: &Surface, primitive: u32) -> Aabb {
+    match surface {
+        Surface::Mesh(m) if m.area_vector(primitive).norm_squared() > 0.0 => {
+            Aabb::around(m.corners(primitive))
+        }
+        Surface::Mesh(_) => Aabb::EMPTY,
+        s => s.bounds(),
     }
 }
