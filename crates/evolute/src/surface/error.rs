@@ -57,6 +57,36 @@ pub enum SurfaceError {
         /// How many were given.
         given: usize,
     },
+    /// The formulas of a parametric surface cannot be compiled.
+    #[error("{message}")]
+    Formula {
+        /// A sentence.
+        message: String,
+    },
+    /// A formula is not defined, or infinite, somewhere in the domain.
+    #[error(
+        "the parametric surface is not defined at s = {s}, t = {t}: its position there is ({}, {}, \
+         {}); it must be finite for all s and t from 0 to 1", .x[0], .x[1], .x[2]
+    )]
+    Undefined {
+        /// First parameter.
+        s: f64,
+        /// Second parameter.
+        t: f64,
+        /// What the formulas give there, world frame [m].
+        x: [f64; 3],
+    },
+    /// A formula runs off to infinity somewhere in the domain.
+    #[error(
+        "the parametric surface cannot be bounded near s = {s}, t = {t}; its formulas must be finite \
+         for all s and t from 0 to 1 (is something divided by zero there?)"
+    )]
+    Unbounded {
+        /// First parameter.
+        s: f64,
+        /// Second parameter.
+        t: f64,
+    },
     /// More vertices or triangles than 32-bit indices can name.
     #[error("the mesh has {0} {1}; more than 4,294,967,295 cannot be indexed")]
     TooMany(usize, &'static str),

@@ -7,6 +7,7 @@ mod disk;
 mod error;
 mod jet;
 mod mesh;
+mod parametric;
 mod plane;
 mod rectangle;
 mod sphere;
@@ -16,6 +17,7 @@ pub use disk::Disk;
 pub use error::SurfaceError;
 pub use jet::{Jet, LocalGeometry, PrincipalCurvatures};
 pub use mesh::Mesh;
+pub use parametric::{Cell, Parametric};
 pub use plane::contact_tolerance;
 pub use rectangle::Rectangle;
 pub use sphere::Sphere;
@@ -52,6 +54,8 @@ pub enum Surface {
     Cylinder(Cylinder),
     /// Triangles.
     Mesh(Mesh),
+    /// Formulas of (s, t).
+    Parametric(Parametric),
 }
 
 impl Surface {
@@ -64,6 +68,7 @@ impl Surface {
             Self::Sphere(s) => s.point(u, v),
             Self::Cylinder(s) => s.point(u, v),
             Self::Mesh(s) => s.point(u, v),
+            Self::Parametric(p) => in_unit_square(u, v).then(|| p.point(u, v)),
         }
     }
 
@@ -75,6 +80,7 @@ impl Surface {
             Self::Sphere(s) => s.jet(u, v),
             Self::Cylinder(s) => s.jet(u, v),
             Self::Mesh(s) => s.jet(u, v),
+            Self::Parametric(p) => in_unit_square(u, v).then(|| p.jet(u, v)),
         }
     }
 
@@ -86,6 +92,7 @@ impl Surface {
             Self::Sphere(s) => s.uv(point),
             Self::Cylinder(s) => s.uv(point),
             Self::Mesh(s) => s.uv(point),
+            Self::Parametric(_) => [point.p, point.q],
         }
     }
 
@@ -98,6 +105,7 @@ impl Surface {
             Self::Sphere(s) => s.local(point),
             Self::Cylinder(s) => s.local(point),
             Self::Mesh(s) => s.local(point),
+            Self::Parametric(p) => p.local(point.p, point.q),
         }
     }
 
@@ -109,6 +117,7 @@ impl Surface {
             Self::Sphere(s) => s.locate(x),
             Self::Cylinder(s) => s.locate(x),
             Self::Mesh(s) => s.locate(x),
+            Self::Parametric(p) => p.locate(x).map(|(s, t)| p.point(s, t)),
         }
     }
 
@@ -120,6 +129,7 @@ impl Surface {
             Self::Sphere(s) => s.bounds(),
             Self::Cylinder(s) => s.bounds(),
             Self::Mesh(s) => s.bounds(),
+            Self::Parametric(p) => p.bounds(),
         }
     }
 
@@ -131,6 +141,8 @@ impl Surface {
             Self::Sphere(s) => s.area(),
             Self::Cylinder(s) => s.area(),
             Self::Mesh(s) => s.area(),
+            // As good as the closed forms of the others, to what anyone will notice.
+            Self::Parametric(p) => p.area(1e-9),
         }
     }
 }
