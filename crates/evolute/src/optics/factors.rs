@@ -165,15 +165,15 @@ impl Chain<'_> {
         // AF (10): from P to X.
         let (direction, first_leg) = leg(&self.receiver, &first.local.x)?;
         let wave = Wavefront::spherical(direction, n_receiver).transferred(first_leg);
-        let (wave, at) = along(wave, self.vertices.iter(), true)?;
-        let jacobian = wave.transferred(leg(&at, &self.source)?.1).position_jacobian();
+        let (last_direction, last_leg) = leg(&last.local.x, &self.source)?;
+        let wave = from_receiver(wave, self.vertices, last_direction)?;
+        let jacobian = wave.transferred(last_leg).position_jacobian();
         let square = first_leg * first_leg;
         let area = jacobian.determinant() / square;
 
         // IF (3), (5): from X to P.
-        let (direction, length) = leg(&self.source, &last.local.x)?;
-        let wave = Wavefront::spherical(direction, n_source).transferred(length);
-        let (wave, _) = along(wave, self.vertices.iter().rev(), false)?;
+        let wave = Wavefront::spherical(-last_direction, n_source).transferred(last_leg);
+        let wave = from_source(wave, self.vertices, -direction)?;
         let concentration = square / wave.transferred(first_leg).cross_section();
 
         Some(Factors {
@@ -196,10 +196,10 @@ impl CollimatedChain<'_> {
         let (direction, first_leg) = leg(&self.receiver, &first.local.x)?;
 
         let wave = Wavefront::spherical(direction, n_receiver).transferred(first_leg);
-        let spread = along(wave, self.vertices.iter(), true)?.0.solid_angle();
+        let spread = from_receiver(wave, self.vertices, -self.light)?.solid_angle();
 
         let wave = Wavefront::plane(self.light, n_source);
-        let (wave, _) = along(wave, self.vertices.iter().rev(), false)?;
+        let wave = from_source(wave, self.vertices, -direction)?;
         let concentration = 1.0 / wave.transferred(first_leg).cross_section();
 
         // Any point on the last leg will do where only directions count.
@@ -219,31 +219,35 @@ fn leg(from: &Point3, to: &Point3) -> Option<(UnitVector3, f64)> {
     UnitVector3::try_new_and_get(to - from, 0.0)
 }
 
-/// A wave that is at the first of `vertices`, behind the last of them, and where that is.
-fn along<'v>(
-    mut wave: Wavefront,
-    vertices: impl Iterator<Item = &'v Vertex>,
-    from_receiver: bool,
-) -> Option<(Wavefront, Point3)> {
-    let mut at: Option<Point3> = None;
-    for vertex in vertices {
-        if let Some(before) = at {
-            wave = wave.transferred((vertex.local.x - before).norm());
-        }
-        wave = match vertex.interaction {
-            Interaction::Reflection => wave.reflected(&vertex.local)?,
-            Interaction::Refraction => {
-                let next = if from_receiver {
-                    vertex.index_toward_source
-                } else {
-                    vertex.index_toward_receiver
-                };
-                wave.refracted(&vertex.local, next)?
-            }
+/// The wave that comes from P and is at Y, behind the last vertex, where it leaves along `last`.
+fn from_receiver(mut wave: Wavefront, chain: &[Vertex], last: UnitVector3) -> Option<Wavefront> {
+    for (i, vertex) in chain.iter().enumerate() {
+        let next = match chain.get(i + 1) {
+            Some(v) => leg(&vertex.local.x, &v.local.x)?,
+            None => (last, 0.0),
         };
-        at = Some(vertex.local.x);
+        wave = passed(wave, vertex, next.0, vertex.index_toward_source)?.transferred(next.1);
     }
-    Some((wave, at?))
+    Some(wave)
+}
+
+/// The wave that comes from X and is at the last vertex, behind Y, where it leaves along `last`.
+fn from_source(mut wave: Wavefront, chain: &[Vertex], last: UnitVector3) -> Option<Wavefront> {
+    for (i, vertex) in chain.iter().enumerate().rev() {
+        let next = match i.checked_sub(1).and_then(|before| chain.get(before)) {
+            Some(v) => leg(&vertex.local.x, &v.local.x)?,
+            None => (last, 0.0),
+        };
+        wave = passed(wave, vertex, next.0, vertex.index_toward_receiver)?.transferred(next.1);
+    }
+    Some(wave)
+}
+
+fn passed(wave: Wavefront, vertex: &Vertex, to: UnitVector3, index: f64) -> Option<Wavefront> {
+    match vertex.interaction {
+        Interaction::Reflection => wave.reflected_along(&vertex.local, to),
+        Interaction::Refraction => wave.refracted_along(&vertex.local, to, index),
+    }
 }
 
 fn throughput(vertices: &[Vertex]) -> Rgb {

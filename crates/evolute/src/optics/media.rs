@@ -43,12 +43,16 @@ pub fn refract_direction(d: &UnitVector3, n: &UnitVector3, n1: f64, n2: f64) -> 
     let along = d.dot(n);
     let cos_i = along.abs();
     let cos_t = cos_after(d.cross(n).norm(), n1, n2)?;
-    let toward = (n1 * n1 - n2 * n2) / (n1 * cos_i + n2 * cos_t);
-    // `toward` belongs to the normal that faces the light.
-    let gamma = if along <= 0.0 { toward } else { -toward };
+    let gamma = refraction_gamma(along, cos_t.copysign(along), n1, n2);
     let direction: Vector3 = d.into_inner() * n1 + n.into_inner() * gamma;
     let direction = UnitVector3::try_new(direction, 0.0)?;
     Some(Refraction { direction, cos_i, cos_t, gamma })
+}
+
+/// γ of a refraction from d₁·N (`along`) and d₂·N (`after`), both of one sign.
+pub(super) fn refraction_gamma(along: f64, after: f64, n1: f64, n2: f64) -> f64 {
+    // The quotient is γ for the normal that faces the light; the signs of the cosines turn it.
+    (n2 * n2 - n1 * n1) / (n1 * along + n2 * after)
 }
 
 /// Cosine of the angle of refraction for an angle of incidence of sine `sin_i`; `None` at total

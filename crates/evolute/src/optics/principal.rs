@@ -197,7 +197,9 @@ mod tests {
         assert!((wave.torsion(&u, &v) - 2.5 * sin * cos).abs() < 1e-15);
     }
 
-    fn steps() -> impl Strategy<Value = Vec<([f64; 2], [f64; 2], f64, Option<f64>, f64)>> {
+    type Step = ([f64; 2], [f64; 2], f64, Option<f64>, f64);
+
+    fn steps() -> impl Strategy<Value = Vec<Step>> {
         let step = (
             prop::array::uniform2(-0.9..0.9f64), // slant of the surface
             prop::array::uniform2(-2.0..2.0f64), // its principal curvatures [1/m]

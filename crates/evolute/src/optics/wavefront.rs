@@ -30,7 +30,7 @@
 //! N and S: K stays a curvature tensor, and the law between the two factors holds by construction;
 //! against the traced rays it is right to first order in the size of the facets.
 
-use super::media::{reflect_direction, refract_direction};
+use super::media::{reflect_direction, refract_direction, refraction_gamma};
 use super::principal::PrincipalWave;
 use crate::geometry::{Matrix2, UnitVector3, Vector2, Vector3, tangent_frame};
 use crate::surface::LocalGeometry;
@@ -153,40 +153,54 @@ impl Wavefront {
     /// much of the surface.
     #[must_use]
     pub fn reflected(self, at: &LocalGeometry) -> Option<Self> {
-        let n = at.n.into_inner();
-        let along = self.direction.dot(&n);
-        let q = self.shape_across(at, along)?;
-        // γ/n = −2 d·N and G = 1.
-        let b = self.b + q * self.a * (2.0 * along);
-        let frame = self.frame.map(|e| e - n * (2.0 * e.dot(&n)));
-        Some(Self { direction: reflect_direction(&self.direction, &at.n), frame, b, ..self })
+        self.reflected_along(at, reflect_direction(&self.direction, &at.n))
     }
 
     /// The wave after a refraction into a medium of refractive index `index`. `None` at total
     /// reflection and at grazing incidence on either side.
     #[must_use]
     pub fn refracted(self, at: &LocalGeometry, index: f64) -> Option<Self> {
-        let along = self.direction.dot(&at.n);
-        let q = self.shape_across(at, along)?;
         let after = refract_direction(&self.direction, &at.n, self.index, index)?;
-        if after.cos_t == 0.0 {
+        self.refracted_along(at, after.direction, index)
+    }
+
+    /// [`Self::reflected`] where the direction after is known, as along a chain that was traced. The
+    /// next leg tells it better than the law does after many vertices.
+    #[must_use]
+    pub fn reflected_along(self, at: &LocalGeometry, direction: UnitVector3) -> Option<Self> {
+        let n = at.n.into_inner();
+        let along = self.direction.dot(&n);
+        let q = self.shape_across(at, along)?;
+        // γ/n = d₂·N − d₁·N and G = 1.
+        let b = self.b - q * self.a * (direction.dot(&n) - along);
+        let frame = self.frame.map(|e| e - n * (2.0 * e.dot(&n)));
+        Some(Self { direction, frame, b, ..self })
+    }
+
+    /// [`Self::refracted`] where the direction after is known: close to total reflection the cosine
+    /// by Snell's law has lost the digits that the next leg still has.
+    #[must_use]
+    pub fn refracted_along(
+        self,
+        at: &LocalGeometry,
+        direction: UnitVector3,
+        index: f64,
+    ) -> Option<Self> {
+        let (along, after) = (self.direction.dot(&at.n), direction.dot(&at.n));
+        if after == 0.0 {
             return None;
         }
+        let q = self.shape_across(at, along)?;
+        let gamma = refraction_gamma(along, after, self.index, index);
         // The least turn that takes d₁ to d₂. They are never opposite: refraction turns by less than
         // a right angle.
-        let (d1, d2) = (self.direction.into_inner(), after.direction.into_inner());
+        let (d1, d2) = (self.direction.into_inner(), direction.into_inner());
         let half = (d1 + d2) / (1.0 + d1.dot(&d2));
         let frame = self.frame.map(|e| e - half * e.dot(&d2));
         let tau = self.frame.map(|e| e - d1 * (e.dot(&at.n) / along));
         let g = Matrix2::from_fn(|j, k| frame[j].dot(&tau[k]));
-        let b = (self.b * self.index - q * self.a * after.gamma) / index;
-        Some(Self {
-            direction: after.direction,
-            frame,
-            index,
-            a: g * self.a,
-            b: inverse_transpose(&g)? * b,
-        })
+        let b = (self.b * self.index - q * self.a * gamma) / index;
+        Some(Self { direction, frame, index, a: g * self.a, b: g.try_inverse()?.transpose() * b })
     }
 
     /// Q of the module's head: the surface's shape operator as the transverse plane sees it;
@@ -202,11 +216,6 @@ impl Wavefront {
         let q = Matrix2::new(-u.dot(&su), off, off, -v.dot(&sv));
         q.iter().all(|x| x.is_finite()).then_some(q)
     }
-}
-
-fn inverse_transpose(m: &Matrix2) -> Option<Matrix2> {
-    let inverse = m.try_inverse()?;
-    Some(inverse.transpose())
 }
 
 /// Condition number σ₁/σ₂ ≥ 1 of a 2×2 matrix; infinite for a singular one.
@@ -225,7 +234,7 @@ pub fn condition_number(m: &Matrix2) -> f64 {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::geometry::{Matrix3, Point3, math};
+    use crate::geometry::{Point3, math};
 
     fn unit(v: Vector3) -> UnitVector3 {
         UnitVector3::new_normalize(v)
