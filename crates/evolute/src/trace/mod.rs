@@ -305,7 +305,7 @@ impl<'s> Tracer<'s> {
     }
 
     /// The nearest root of a primitive that is not a triangle at 0 < t ≤ `t_max`.
-    fn meet(&self, shape: u32, _: u32, ray: &Ray, t_max: f64, ends: &Ends) -> Option<Found> {
+    fn meet(&self, shape: u32, primitive: u32, ray: &Ray, t_max: f64, ends: &Ends) -> Option<Found> {
         let surface = self.surface(shape);
         let start = ends.start.iter().find(|a| a.shape.0 == shape);
         let end = ends.end.filter(|a| a.shape.0 == shape);
@@ -348,6 +348,13 @@ impl<'s> Tracer<'s> {
                     .find_map(|t| s.between_ends(&ray.at(t), &ray.origin).map(|point| (t, point)))
             }
             Surface::Mesh(_) => None,
+            Surface::Parametric(s) => {
+                let leaving = start.map(|a| (a.point.p, a.point.q));
+                let near_end = |t| ends.near_end(t, t_max, |x| s.locate(x).is_some());
+                s.intersect_leaf(primitive as usize, ray, 0.0, t_max, leaving)
+                    .filter(|&(t, ..)| !near_end(t))
+                    .map(|(t, p, q)| (t, s.point(p, q)))
+            }
         }
     }
 }
@@ -437,6 +444,7 @@ fn mesh_of(surface: &Surface) -> Option<&Mesh> {
 fn primitive_count(surface: &Surface) -> u32 {
     match surface {
         Surface::Mesh(m) => m.triangles().len() as u32,
+        Surface::Parametric(p) => p.leaf_count() as u32,
         _ => 1,
     }
 }
@@ -448,6 +456,7 @@ fn primitive_bounds(surface: &Surface, primitive: u32) -> Aabb {
             Aabb::around(m.corners(primitive))
         }
         Surface::Mesh(_) => Aabb::EMPTY,
+        Surface::Parametric(p) => p.leaf_bounds(primitive as usize),
         s => s.bounds(),
     }
 }

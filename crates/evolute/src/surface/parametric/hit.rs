@@ -79,7 +79,7 @@ impl Parametric {
         self.leaves.patches.get(leaf).map(|p| p.cell)
     }
 
-    /// Where the ray meets a leaf first with `t_min < τ < t_max`: `(τ, s, t)`, τ in units of the ray's
+    /// Where the ray meets a leaf first with `t_min < τ ≤ t_max`: `(τ, s, t)`, τ in units of the ray's
     /// direction.
     ///
     /// `leaving` says that the ray starts on this surface, at these parameters; that root, and no
@@ -261,7 +261,7 @@ impl Query<'_> {
             return None; // the one root is the start
         }
         let (tau, [s, t], row) = self.newton(surface, patch, guess, border, contraction)?;
-        if !(tau > self.t_min && tau < self.t_max) {
+        if !(tau > self.t_min && tau <= self.t_max) {
             return None;
         }
         if self.start.is_some() {
@@ -415,7 +415,7 @@ impl Query<'_> {
         let tau = (x - self.ray.origin).dot(w) * self.inverse_square;
         let distance = (self.ray.at(tau) - x).norm();
         let near = distance <= 4.0 * (self.noise(patch) + patch.remainder.norm());
-        (near && tau > self.t_min && tau < self.t_max).then_some((tau, s, t))
+        (near && tau > self.t_min && tau <= self.t_max).then_some((tau, s, t))
     }
 
     /// The second root of a nearly tangent ray close to its start, with the first divided out: for
@@ -440,7 +440,7 @@ impl Query<'_> {
         let d = [dual[0].dot(w), dual[1].dot(w)];
         let bend = j.xuu * (d[0] * d[0]) + j.xuv * (2.0 * d[0] * d[1]) + j.xvv * (d[1] * d[1]);
         let tau = 2.0 * slope / n.dot(&bend);
-        if !(tau > self.t_min.max(0.0) && tau < self.t_max) {
+        if !(tau > self.t_min.max(0.0) && tau <= self.t_max) {
             return None;
         }
         let [s, t] =
