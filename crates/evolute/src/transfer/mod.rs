@@ -1,6 +1,7 @@
 //! Light at a receiver: direct and specular irradiance with an error estimate (Yu & Wu (7) to (16)).
 
 mod cut;
+mod domain;
 mod polynomial;
 mod settings;
 
