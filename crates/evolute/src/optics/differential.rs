@@ -270,6 +270,31 @@ pub fn refracted(
     Some((*d * eta + n.scaled(cos_i * eta - cos_t), cos_t))
 }
 
+/// Fresnel's reflectance of unpolarised light at a smooth boundary, from the cosines on both sides and
+/// the refractive indices of the side that light comes from and of the other.
+pub fn fresnel_dielectric(cos_i: Dual, cos_t: Dual, n_i: f64, n_t: f64) -> Dual {
+    let (ii, tt) = (cos_i * n_i, cos_t * n_t);
+    let (it, ti) = (cos_t * n_i, cos_i * n_t);
+    let perpendicular = (ii - tt) / (ii + tt);
+    let parallel = (ti - it) / (ti + it);
+    (perpendicular.squared() + parallel.squared()) * 0.5
+}
+
+/// Fresnel's reflectance of unpolarised light at a metal of complex index `eta + i k` in air.
+pub fn fresnel_conductor(cos_i: Dual, eta: f64, k: f64) -> Dual {
+    let c2 = cos_i.squared();
+    let s2 = c2 * -1.0 + 1.0;
+    // u + i v is the root of (eta + i k)² − sin² i; m = u² + v².
+    let t = s2 * -1.0 + (eta * eta - k * k);
+    let m = (t.squared() + 4.0 * eta * eta * k * k).sqrt();
+    let u = ((m + t) * 0.5).sqrt();
+    let (sum, cross) = (m + c2, u * cos_i * 2.0);
+    let perpendicular = (sum - cross) / (sum + cross);
+    let (high, low) = (c2 * m + s2.squared(), cross * s2);
+    let parallel = perpendicular * ((high - low) / (high + low));
+    (perpendicular + parallel) * 0.5
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]

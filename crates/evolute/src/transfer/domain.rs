@@ -22,9 +22,9 @@ pub struct Domain<'s> {
 #[derive(Clone, Debug)]
 enum Kind<'s> {
     /// Centre and half edges; a, b ∈ [0, 1] over [−1, 1]².
-    Parallelogram { centre: Vector3, edges: [Vector3; 2] },
+    Parallelogram { centre: Vector3, edges: [Vector3; 2], normal: Vector3 },
     /// Centre and two radii; a is the radius, b the azimuth.
-    Ellipse { centre: Vector3, radii: [Vector3; 2] },
+    Ellipse { centre: Vector3, radii: [Vector3; 2], normal: Vector3 },
     /// A triangle of a mesh, collapsed towards its second vertex.
     Triangle { mesh: &'s Mesh, triangle: u32 },
     /// The surface's own parameters.
@@ -70,9 +70,14 @@ impl<'s> Domain<'s> {
             Surface::Rectangle(r) => vec![with(Kind::Parallelogram {
                 centre: r.centre().coords,
                 edges: r.half_edges(),
+                normal: r.normal().into_inner(),
             })],
             Surface::Disk(d) => {
-                vec![with(Kind::Ellipse { centre: d.centre().coords, radii: d.radii() })]
+                vec![with(Kind::Ellipse {
+                    centre: d.centre().coords,
+                    radii: d.radii(),
+                    normal: d.normal().into_inner(),
+                })]
             }
             Surface::Sphere(s) => {
                 let radial = receiver - s.centre();
@@ -132,20 +137,19 @@ impl<'s> Domain<'s> {
             b: v[0] * f[0].b + v[1] * f[1].b,
         };
         match &self.kind {
-            Kind::Parallelogram { centre, edges } => {
+            Kind::Parallelogram { centre, edges, normal } => {
                 let (p, q) = (a * 2.0 + -1.0, b * 2.0 + -1.0);
                 let x = combine(centre, edges, [p, q]);
                 let area = DualVector::constant(edges[0].cross(&edges[1]) * 4.0);
-                self.finish(x, area, None, (p.v, q.v))
+                self.finish(x, area, DualVector::constant(*normal), (p.v, q.v))
             }
-            Kind::Ellipse { centre, radii } => {
+            Kind::Ellipse { centre, radii, normal } => {
                 let phi = b * (2.0 * PI);
                 let (p, q) = (a * phi.cos(), a * phi.sin());
                 let x = combine(centre, radii, [p, q]);
                 let cross = radii[0].cross(&radii[1]);
                 let area = DualVector::constant(cross).scaled(a * (2.0 * PI));
-                let n = DualVector::constant(cross.try_normalize(0.0)?);
-                self.finish(x, area, Some(n), (p.v, q.v))
+                self.finish(x, area, DualVector::constant(*normal), (p.v, q.v))
             }
             Kind::Triangle { mesh, triangle } => {
                 // Weights of the second and third vertex: a (1 − b) and b.
@@ -171,7 +175,7 @@ impl<'s> Domain<'s> {
                 if !n.v.iter().all(|c| c.is_finite()) {
                     return None;
                 }
-                self.finish(x, area, Some(n), (a.v, b.v))
+                self.finish(x, area, n, (a.v, b.v))
             }
             Kind::SphereFromOutside { sphere, frame: [e1, e2, axis], distance } => {
                 let i = a * (0.5 * PI);
@@ -205,7 +209,7 @@ impl<'s> Domain<'s> {
                 let x = DualVector::constant(sphere.centre().coords) + n * r;
                 let area = n.scaled(theta.sin() * (2.0 * PI * PI * r * r));
                 let sign = if sphere.faces_outward() { 1.0 } else { -1.0 };
-                self.finish(x, area, Some(n * sign), (0.0, 0.0))
+                self.finish(x, area, n * sign, (0.0, 0.0))
             }
             Kind::CylinderFromOutside { cylinder, frame, ratio, far } => {
                 let i = a * PI + (-0.5 * PI);
@@ -246,20 +250,16 @@ impl<'s> Domain<'s> {
         let x = DualVector::constant(cylinder.ends()[0].coords) + along + n * r;
         let area = n.scaled(rate * (r * length));
         let sign = if cylinder.faces_outward() { 1.0 } else { -1.0 };
-        self.finish(x, area, Some(n * sign), (0.0, height.v))
+        self.finish(x, area, n * sign, (0.0, height.v))
     }
 
     fn finish(
         &self,
         x: DualVector,
         area: DualVector,
-        n: Option<DualVector>,
+        n: DualVector,
         (p, q): (f64, f64),
     ) -> Option<FirstPoint> {
-        let n = match n {
-            Some(n) => n,
-            None => area.scaled(area.norm_squared().sqrt().recip()),
-        };
         let point = SurfacePoint { primitive: 0, p, q, x: Point3::from(x.v) };
         self.finish_with(x, area, n, point)
     }

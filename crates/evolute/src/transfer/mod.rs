@@ -1,14 +1,31 @@
 //! Light at a receiver: direct and specular irradiance with an error estimate (Yu & Wu (7) to (16)).
+//!
+//! Every receiver is on its own: what it gets depends on the scene and the settings, not on other
+//! receivers or threads.
 
+mod boundary;
+mod chain;
+mod criteria;
 mod cut;
+mod diffuse;
 mod domain;
+mod extension;
+mod field;
+mod lamp;
 mod polynomial;
+mod quadrature;
 mod settings;
+mod specular;
+mod word;
 
-pub use settings::{Components, Counts, Receiver, ReceiverLight, TransferSettings};
+pub use chain::{Event, Step};
+pub use criteria::{Criteria, MatchingTrees, NormalVariation, QuadratureAccuracy, SolidAngle};
+pub use diffuse::lambert;
+pub use settings::{Components, Counts, Receiver, ReceiverLight, TransferSettings, WordShare};
 
 use crate::scene::Scene;
 use crate::trace::Tracer;
+use lamp::Lamp;
 
 /// Computes what reaches receivers of one scene. Shared by threads; a result depends on nothing but
 /// the scene, the settings and the receiver.
@@ -16,17 +33,26 @@ pub struct Transfer<'s> {
     scene: &'s Scene,
     tracer: &'s Tracer<'s>,
     settings: TransferSettings,
+    lamps: Vec<Lamp>,
 }
 
 impl<'s> Transfer<'s> {
     /// Prepares what all receivers share.
     pub fn new(scene: &'s Scene, tracer: &'s Tracer<'s>, settings: TransferSettings) -> Self {
-        Self { scene, tracer, settings }
+        Self { scene, tracer, settings, lamps: Lamp::of(scene) }
     }
 
     /// The irradiance at a receiver, in the parts asked for.
     pub fn light(&self, receiver: &Receiver, components: Components) -> ReceiverLight {
-        let _ = (self.scene, self.tracer, &self.settings, receiver, components);
-        ReceiverLight::default()
+        self.gather(receiver, components).0
+    }
+
+    /// The irradiance at a receiver, and its specular part by word.
+    pub fn light_by_word(
+        &self,
+        receiver: &Receiver,
+        components: Components,
+    ) -> (ReceiverLight, Vec<WordShare>) {
+        self.gather(receiver, components)
     }
 }

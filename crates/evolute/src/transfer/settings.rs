@@ -1,6 +1,9 @@
 //! What is asked of a transfer and what it answers.
 
+use super::chain::Event;
+use super::criteria::Criteria;
 use crate::geometry::{Point3, Rgb, UnitVector3};
+use crate::scene::ShapeId;
 
 /// An ideal cosine receiver: it occludes nothing and may lie on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,11 +32,19 @@ pub struct TransferSettings {
     pub absolute: f64,
     /// Longest specular chain [interactions], at most 256.
     pub max_specular: u32,
+    /// What makes cells be divided.
+    pub criteria: Criteria,
+    /// Most cells of one receiver; a receiver that needs more is reported as not met.
+    pub max_cells: usize,
 }
 
 impl Default for TransferSettings {
     fn default() -> Self {
-        Self { relative: 1e-2, absolute: 0.0, max_specular: 256 }
+        Self { relative: 1e-2, absolute: 0.0, max_specular: 256,
+            criteria: Criteria::default(),
+            // Some hundred times what an ordinary receiver takes at 1e-3.
+            max_cells: 40_000,
+        }
     }
 }
 
@@ -69,4 +80,13 @@ impl std::ops::AddAssign for Counts {
         self.cells += other.cells;
         self.rays += other.rays;
     }
+}
+
+/// What one word brings to a receiver.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WordShare {
+    /// Surfaces and events from the receiver on.
+    pub letters: Vec<(ShapeId, Event)>,
+    /// Irradiance [W/m²].
+    pub irradiance: Rgb,
 }

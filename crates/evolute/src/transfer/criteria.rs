@@ -1,0 +1,94 @@
+//! The criteria of the paper's section 3.3 that say whether a cell is to be divided.
+//!
+//! Criteria 1 to 3 look at the samples of a cell and force a division; criterion 4 is the error that
+//! the queue works down.
+
+use super::field::{FieldSample, Sight};
+
+/// Criterion 1: the solid angle that a cell spans at the receiver is small enough.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolidAngle {
+    /// Largest allowed [sr].
+    pub largest: f64,
+}
+
+/// Criterion 2: the normal does not vary too much over a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalVariation {
+    /// Least allowed cosine between two corners' normals.
+    pub least_cosine: f64,
+}
+
+/// Criterion 3: the ray trees of neighbouring samples hit the same or adjacent surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MatchingTrees {
+    /// Divisions that a mismatch may force beyond the first grid.
+    pub divisions: u32,
+}
+
+/// Criterion 4: the quadrature over all cells reaches the accuracy asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuadratureAccuracy;
+
+/// The criteria in force; `None` switches one off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Criteria {
+    /// Criterion 1.
+    pub solid_angle: Option<SolidAngle>,
+    /// Criterion 2.
+    pub normal_variation: Option<NormalVariation>,
+    /// Criterion 3.
+    pub matching_trees: Option<MatchingTrees>,
+    /// Criterion 4.
+    pub quadrature: Option<QuadratureAccuracy>,
+}
+
+impl Default for Criteria {
+    fn default() -> Self {
+        Self {
+            // A tenth of the hemisphere: cosine and distance vary by a small factor inside.
+            solid_angle: Some(SolidAngle { largest: 0.6 }),
+            // 35 degrees: the reflected direction turns by 70, beyond which four corners say little.
+            normal_variation: Some(NormalVariation { least_cosine: 0.82 }),
+            // One more look where something is seen at one corner and not at the next.
+            matching_trees: Some(MatchingTrees { divisions: 2 }),
+            quadrature: Some(QuadratureAccuracy),
+        }
+    }
+}
+
+impl SolidAngle {
+    /// Whether a cell of this share of the domain is too large.
+    pub fn divides(&self, corners: &[Option<FieldSample>; 4], area: f64) -> bool {
+        let (sum, count) = corners
+            .iter()
+            .flatten()
+            .fold((0.0, 0.0), |(s, n), c| (s + c.solid_angle, n + 1.0));
+        count > 0.0 && sum / count * area > self.largest
+    }
+}
+
+impl NormalVariation {
+    /// Whether the corners' normals differ too much.
+    pub fn divides(&self, corners: &[Option<FieldSample>; 4]) -> bool {
+        let least = self.least_cosine;
+        (0..4).any(|i| {
+            (0..i).any(|j| match (&corners[i], &corners[j]) {
+                (Some(p), Some(q)) => p.normal.dot(&q.normal) < least,
+                _ => false,
+            })
+        })
+    }
+}
+
+impl MatchingTrees {
+    /// Whether the corners' trees differ, at a cell that many divisions below the first grid.
+    pub fn divides(&self, corners: &[Option<FieldSample>; 4], divisions: u32) -> bool {
+        if divisions >= self.divisions {
+            return false;
+        }
+        let sees = |c: &Option<FieldSample>| c.as_ref().is_some_and(|s| s.sight != Sight::Off);
+        let first = sees(&corners[0]);
+        corners.iter().any(|c| sees(c) != first)
+    }
+}

@@ -1,0 +1,173 @@
+//! Where a family of rays meets a surface continued past its border.
+//!
+//! Chains are followed on extended surfaces, so that the border of a mirror is an edge function that
+//! changes sign inside a cell, not a place where the chain breaks off. Planes, cylinders and formula
+//! patches have an extension; spheres need none but have a limb; meshes have none.
+
+use arrayvec::ArrayVec;
+
+use crate::geometry::{Point3, Ray, Transform, Vector3};
+use crate::optics::{Dual, DualRay, DualVector};
+use crate::surface::{Mesh, Surface, SurfacePoint};
+use crate::trace::Hit;
+
+/// A family of rays on a surface.
+pub struct Meeting {
+    /// Distance of the central ray [m].
+    pub t: f64,
+    /// Points [m].
+    pub x: DualVector,
+    /// Unit normals on the shape's front.
+    pub n: DualVector,
+    /// The central ray's point as the surface knows it (beyond the border, too).
+    pub point: SurfacePoint,
+    /// Positive inside the border, negative outside; always the same number for a surface.
+    pub apertures: ArrayVec<Dual, 3>,
+}
+
+/// Whether a mesh is so coarse and flat that each triangle is a mirror of its own.
+pub fn is_faceted(mesh: &Mesh) -> bool {
+    // A cube has 12; beyond a few dozen, words by triangle outnumber the cells of one domain.
+    mesh.normals().is_none() && mesh.triangles().len() <= 64
+}
+
+/// Where the family meets `surface` coming from its front or back.
+///
+/// `real` is the tracer's nearest hit if it is on this surface (and primitive) and side; `same` says
+/// that the rays leave this very surface at `from`; `hint` is a point that a neighbouring ray of the
+/// family hit. `None` where the extension has no such point.
+pub fn meet(
+    surface: &Surface,
+    primitive: Option<u32>,
+    front: bool,
+    ray: &DualRay,
+    real: Option<&Hit>,
+    same: bool,
+    hint: &SurfacePoint,
+) -> Option<Meeting> {
+    let origin = Point3::from(ray.o.v);
+    let central = Ray::new(origin, ray.d.v);
+    if let Some(hit) = real {
+        let local = surface.local(&hit.anchor.point)?;
+        let x = ray.met(hit.t, &hit.anchor.point.x, &local.ng)?;
+        let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
+        let apertures = apertures(surface, primitive, &hit.anchor.point, &x)?;
+        return Some(Meeting { t: hit.t, x, n, point: hit.anchor.point, apertures });
+    }
+    let (t, point) = match surface {
+        Surface::Rectangle(r) => on_plane(&central, &r.centre(), &r.normal(), r.world_from_object())?,
+        Surface::Disk(d) => on_plane(&central, &d.centre(), &d.normal(), d.world_from_object())?,
+        Surface::Sphere(s) => {
+            let t = if same {
+                s.other_root(&origin, &central.direction)
+            } else {
+                let roots = s.roots(&central)?;
+                if front == s.faces_outward() { roots[0] } else { roots[1] }
+            };
+            (t, s.projected(&central.at(t))?)
+        }
+        Surface::Cylinder(c) => {
+            let t = if same {
+                c.other_root(&origin, &central.direction)?
+            } else {
+                let roots = c.roots(&central)?;
+                if front == c.faces_outward() { roots[0] } else { roots[1] }
+            };
+            (t, c.projected(&central.at(t))?)
+        }
+        Surface::Parametric(p) => {
+            let (t, s, q) = p.extended_hit(&central, (hint.p, hint.q))?;
+            (t, SurfacePoint { primitive: 0, p: s, q, x: p.position(s, q) })
+        }
+        Surface::Mesh(m) => {
+            let triangle = primitive?;
+            let [v0, v1, v2] = m.corners(triangle);
+            let normal = m.area_vector(triangle);
+            let along = central.direction.dot(&normal);
+            let t = (v0 - origin).dot(&normal) / along;
+            let x = central.at(t);
+            let (p, q) = barycentric(&(v1 - v0), &(v2 - v0), &(x - v0));
+            (t, SurfacePoint { primitive: triangle, p, q, x })
+        }
+    };
+    if !(t > 0.0 && t.is_finite()) {
+        return None;
+    }
+    let local = surface.local(&point)?;
+    let x = ray.met(t, &point.x, &local.ng)?;
+    let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
+    let apertures = apertures(surface, primitive, &point, &x)?;
+    Some(Meeting { t, x, n, point, apertures })
+}
+
+fn on_plane(
+    ray: &Ray,
+    centre: &Point3,
+    normal: &Vector3,
+    world_from_object: &Transform,
+) -> Option<(f64, SurfacePoint)> {
+    let t = (centre - ray.origin).dot(normal) / ray.direction.dot(normal);
+    let x = ray.at(t);
+    let local = world_from_object.inverse().point(&x);
+    t.is_finite().then_some((t, SurfacePoint { primitive: 0, p: local.x, q: local.y, x }))
+}
+
+/// Weights of the second and third vertex of a point of the plane, from the edges.
+fn barycentric(e1: &Vector3, e2: &Vector3, x: &Vector3) -> (f64, f64) {
+    let full = e1.cross(e2);
+    let inverse = 1.0 / full.norm_squared();
+    (x.cross(e2).dot(&full) * inverse, e1.cross(x).dot(&full) * inverse)
+}
+
+/// The border functions of a surface at a point and how they move along the family.
+fn apertures(
+    surface: &Surface,
+    primitive: Option<u32>,
+    point: &SurfacePoint,
+    x: &DualVector,
+) -> Option<ArrayVec<Dual, 3>> {
+    let mut list = ArrayVec::new();
+    let object = |t: &Transform| {
+        let inverse = t.inverse();
+        let (a, b) = (inverse.vector(&x.a), inverse.vector(&x.b));
+        (Dual::new(point.p, a.x, b.x), Dual::new(point.q, a.y, b.y))
+    };
+    match surface {
+        Surface::Rectangle(r) => {
+            let (p, q) = object(r.world_from_object());
+            list.push(p.squared() * -1.0 + 1.0);
+            list.push(q.squared() * -1.0 + 1.0);
+        }
+        Surface::Disk(d) => {
+            let (p, q) = object(d.world_from_object());
+            list.push((p.squared() + q.squared()) * -1.0 + 1.0);
+        }
+        Surface::Sphere(_) => {}
+        Surface::Cylinder(c) => {
+            let axis = c.axis().into_inner() / c.length();
+            let h = Dual::new(point.q, x.a.dot(&axis), x.b.dot(&axis));
+            list.push(h * (h * -1.0 + 1.0));
+        }
+        Surface::Parametric(surface) => {
+            let jet = surface.jet(point.p, point.q);
+            let (a, b) = (jet.parameters_along(&x.a)?, jet.parameters_along(&x.b)?);
+            for (value, k) in [(point.p, 0), (point.q, 1)] {
+                let s = Dual::new(value, a[k], b[k]);
+                list.push(s * (s * -1.0 + 1.0));
+            }
+        }
+        Surface::Mesh(m) => {
+            if let Some(triangle) = primitive {
+                let [v0, v1, v2] = m.corners(triangle);
+                let (e1, e2) = (v1 - v0, v2 - v0);
+                let (pa, qa) = barycentric(&e1, &e2, &x.a);
+                let (pb, qb) = barycentric(&e1, &e2, &x.b);
+                let (p, q) = (Dual::new(point.p, pa, pb), Dual::new(point.q, qa, qb));
+                list.push(p);
+                list.push(q);
+                list.push((p + q) * -1.0 + 1.0);
+            }
+        }
+    }
+    Some(list)
+}

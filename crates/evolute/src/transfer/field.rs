@@ -1,0 +1,152 @@
+//! The integrand of one term of a receiver's irradiance: a lamp seen directly, or through a word.
+
+use arrayvec::ArrayVec;
+
+use super::chain::{Departure, MAX_CHAIN_EDGES, Visibility};
+use super::cut::MAX_CONSTRAINTS;
+use super::domain::Domain;
+use super::lamp::{Lamp, MAX_LAMP_EDGES};
+use super::settings::{Counts, Receiver};
+use super::word::{GridPoint, WordId, Words};
+use crate::geometry::{Ray, Vector3};
+use crate::optics::Dual;
+use crate::scene::ShapeId;
+use crate::trace::{Anchor, Tracer};
+
+/// Most edge functions of a field; the rest of [`MAX_CONSTRAINTS`] is for the border of shadows.
+pub const MAX_FIELD_EDGES: usize = MAX_CHAIN_EDGES + MAX_LAMP_EDGES;
+const _: () = assert!(MAX_FIELD_EDGES < MAX_CONSTRAINTS);
+
+/// What sampling knows of a point of a domain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sight {
+    /// Nothing stands in the way.
+    On,
+    /// Something does, or the chain does not exist.
+    Off,
+    /// Not known; edge functions rule here.
+    Unknown,
+}
+
+/// Values and gradients at one grid point.
+#[derive(Clone, Debug)]
+pub struct FieldSample {
+    /// Positive where light comes through.
+    pub edges: ArrayVec<Dual, MAX_FIELD_EDGES>,
+    /// Irradiance per unit of (a, b) and of radiance, a channel each (only the first, if grey).
+    pub weight: [Dual; 3],
+    /// Whether something stands in the way.
+    pub sight: Sight,
+    /// Normal of the first surface.
+    pub normal: Vector3,
+    /// Solid angle at the receiver per unit of (a, b) [sr].
+    pub solid_angle: f64,
+    /// What the last leg meets.
+    pub next: Option<ShapeId>,
+}
+
+/// A lamp seen directly, through the domain of its own surface.
+pub struct DirectField<'s> {
+    domain: Domain<'s>,
+    shape: ShapeId,
+    /// Whether the lamp emits on the side of its normal.
+    receiver: Receiver,
+    contacts: ArrayVec<Anchor, 8>,
+    tracer: &'s Tracer<'s>,
+}
+
+impl<'s> DirectField<'s> {
+    /// The field of one domain of a lamp.
+    pub fn new(
+        domain: Domain<'s>,
+        shape: ShapeId,
+        receiver: Receiver,
+        tracer: &'s Tracer<'s>,
+    ) -> Self {
+        let contacts = tracer.contacts(&receiver.position);
+        Self { domain, shape, receiver, contacts, tracer }
+    }
+
+    /// The sample at a grid point.
+    pub fn sample(&self, at: GridPoint, counts: &mut Counts) -> Option<FieldSample> {
+        let (a, b) = at.coordinates();
+        let first = self.domain.at(a, b)?;
+        let cos_1 = first.d.dot_constant(&self.receiver.normal);
+        let facing = -first.d.dot(&first.n);
+        let mut solid_angle = first.solid_angle;
+        if facing.v < 0.0 {
+            solid_angle = -solid_angle;
+        }
+        let weight = cos_1 * solid_angle;
+        let mut edges = ArrayVec::new();
+        edges.push(cos_1);
+        edges.push(facing);
+        let sight = if cos_1.v <= 0.0 || facing.v <= 0.0 {
+            Sight::Unknown
+        } else {
+            counts.rays += 1;
+            let ray = Ray::new(self.receiver.position, first.d.v);
+            let end = Anchor { shape: self.shape, point: first.point };
+            if self.tracer.occluded(&ray, first.distance, &self.contacts, Some(&end)) {
+                Sight::Off
+            } else {
+                Sight::On
+            }
+        };
+        Some(FieldSample {
+            edges,
+            weight: [weight; 3],
+            sight,
+            normal: first.n.v,
+            solid_angle: first.solid_angle.v,
+            next: Some(self.shape),
+        })
+    }
+}
+
+/// The sample of a lamp through a word.
+pub fn sample_through(
+    words: &mut Words<'_>,
+    word: WordId,
+    lamp: &Lamp,
+    at: GridPoint,
+) -> Option<FieldSample> {
+    let departure = words.departure(word, at)?;
+    let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> = departure.arrival.edges.iter().copied().collect();
+    edges.extend(lamp.edges(&departure.ray));
+    let w = departure.arrival.weight;
+    Some(FieldSample {
+        edges,
+        weight: departure.throughput.map(|t| w * t),
+        sight: sight(departure, lamp),
+        normal: departure.arrival.first_normal,
+        solid_angle: departure.arrival.solid_angle,
+        next: departure.next.map(|h| h.anchor.shape),
+    })
+}
+
+/// Whether the last leg reaches the lamp, or would if the lamp were there.
+fn sight(departure: &Departure, lamp: &Lamp) -> Sight {
+    match departure.arrival.visible {
+        Visibility::Blocked => return Sight::Off,
+        Visibility::Beyond => return Sight::Unknown,
+        Visibility::Free => {}
+    }
+    let on_lamp = departure.next.as_ref().is_some_and(|h| {
+        h.anchor.shape == lamp.shape
+            && lamp.primitive.is_none_or(|p| p == h.anchor.point.primitive)
+    });
+    if !lamp.has_outline() {
+        // The tracer alone knows; its hits on the back are told by the caller's radiance side.
+        return if on_lamp { Sight::On } else { Sight::Off };
+    }
+    if on_lamp {
+        return Sight::On;
+    }
+    let Some(at) = lamp.passes_at(&departure.ray) else { return Sight::Unknown };
+    match &departure.next {
+        // The lamp's own plane is met at the same distance but for rounding.
+        Some(hit) if hit.t < at * (1.0 - 1e-9) => Sight::Off,
+        _ => Sight::On,
+    }
+}

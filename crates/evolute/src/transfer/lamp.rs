@@ -1,0 +1,164 @@
+//! Lamps as seen by a family of rays: edge functions that are positive where a ray hits.
+//!
+//! For polygons the functions are Plücker side products of the ray with the edges, written in the
+//! lamp's own frame: smooth where the hit point runs to infinity, and linear in an unnormalised
+//! direction. They ask for the lamp in front as well, since two opposite sides can only both be
+//! positive for a ray that runs against the lamp's normal.
+
+use arrayvec::ArrayVec;
+
+use crate::geometry::{Matrix3, Point3, Rgb, Transform, Vector3};
+use crate::optics::{Dual, DualRay, DualVector};
+use crate::scene::{Scene, ShapeId};
+use crate::surface::{Mesh, Surface};
+
+/// Most edge functions of a lamp.
+pub const MAX_LAMP_EDGES: usize = 5;
+
+/// One lamp, or one triangle of a lamp.
+#[derive(Clone, Debug)]
+pub struct Lamp {
+    /// The shape that emits.
+    pub shape: ShapeId,
+    /// The triangle, for a faceted mesh.
+    pub primitive: Option<u32>,
+    /// Radiance on the front [W/(m² sr)].
+    pub radiance: Rgb,
+    outline: Outline,
+}
+
+#[derive(Clone, Debug)]
+enum Outline {
+    /// |x|, |y| ≤ 1 in the frame, emitting towards +z.
+    Square(Frame),
+    /// x² + y² ≤ 1.
+    Disc(Frame),
+    /// x, y ≥ 0, x + y ≤ 1.
+    Triangle(Frame),
+    /// Centre and radius; emits outward.
+    Ball(Vector3, f64),
+    /// Known only by asking the tracer.
+    Sampled,
+}
+
+/// Lamp coordinates from world coordinates.
+#[derive(Clone, Debug)]
+struct Frame {
+    linear: Matrix3,
+    origin: Vector3,
+}
+
+impl Frame {
+    /// From two edge vectors spanning the plane and the emitting side's normal.
+    fn new(origin: Vector3, e1: Vector3, e2: Vector3, normal: Vector3) -> Option<Self> {
+        Some(Self { linear: Matrix3::from_columns(&[e1, e2, normal]).try_inverse()?, origin })
+    }
+
+    fn local(&self, ray: &DualRay) -> (DualVector, DualVector) {
+        let o = ray.o - DualVector::constant(self.origin);
+        (o.mapped(&self.linear), ray.d.mapped(&self.linear))
+    }
+}
+
+/// Functions that are all positive where the ray hits the lamp's emitting side.
+pub type LampEdges = ArrayVec<Dual, MAX_LAMP_EDGES>;
+
+impl Lamp {
+    /// All lamps of a scene, faceted meshes by triangle.
+    pub fn of(scene: &Scene) -> Vec<Self> {
+        scene.lamps().flat_map(|id| Self::of_shape(scene, id)).collect()
+    }
+
+    fn of_shape(scene: &Scene, shape: ShapeId) -> Vec<Self> {
+        let emitter = scene.shape(shape);
+        let radiance = emitter.radiance;
+        let lamp = |primitive, outline| Self { shape, primitive, radiance, outline };
+        let planar = |t: &Transform, normal: Vector3| {
+            let axis = |v| t.vector(&v);
+            Frame::new(t.point(&Point3::origin()).coords, axis(Vector3::x()), axis(Vector3::y()), normal)
+        };
+        match &emitter.surface {
+            Surface::Rectangle(r) => {
+                match planar(r.world_from_object(), r.normal().into_inner()) {
+                    Some(frame) => vec![lamp(None, Outline::Square(frame))],
+                    None => Vec::new(),
+                }
+            }
+            Surface::Disk(d) => match planar(d.world_from_object(), d.normal().into_inner()) {
+                Some(frame) => vec![lamp(None, Outline::Disc(frame))],
+                None => Vec::new(),
+            },
+            Surface::Sphere(s) if s.faces_outward() => {
+                vec![lamp(None, Outline::Ball(s.centre().coords, s.radius()))]
+            }
+            Surface::Mesh(m) if super::extension::is_faceted(m) => (0..m.triangles().len() as u32)
+                .filter_map(|t| Some(lamp(Some(t), Outline::Triangle(triangle_frame(m, t)?))))
+                .collect(),
+            _ => vec![lamp(None, Outline::Sampled)],
+        }
+    }
+
+    /// Whether [`Self::edges`] describes the lamp; else only the tracer knows what hits it.
+    pub fn has_outline(&self) -> bool {
+        !matches!(self.outline, Outline::Sampled)
+    }
+
+    /// The edge functions along a family of rays; empty for a lamp without outline.
+    pub fn edges(&self, ray: &DualRay) -> LampEdges {
+        let mut list = LampEdges::new();
+        match &self.outline {
+            Outline::Square(frame) => {
+                let (o, m, p, q) = crossing(frame, ray);
+                list.extend([m + p, m - p, m + q, m - q, o]);
+            }
+            Outline::Triangle(frame) => {
+                let (o, m, p, q) = crossing(frame, ray);
+                list.extend([p, q, m - p - q, o]);
+            }
+            Outline::Disc(frame) => {
+                let (o, m, p, q) = crossing(frame, ray);
+                list.extend([m.squared() - p.squared() - q.squared(), m, o]);
+            }
+            Outline::Ball(centre, radius) => {
+                let to = DualVector::constant(*centre) - ray.o;
+                let moment = to.cross(&ray.d).norm_squared();
+                list.push(ray.d.norm_squared() * (radius * radius) - moment);
+                list.push(to.dot(&ray.d));
+            }
+            Outline::Sampled => {}
+        }
+        list
+    }
+
+    /// Distance along the central ray at which it passes the lamp [m]; `None` if it never does.
+    pub fn passes_at(&self, ray: &DualRay) -> Option<f64> {
+        let t = match &self.outline {
+            Outline::Square(frame) | Outline::Disc(frame) | Outline::Triangle(frame) => {
+                let (o, d) = frame.local(ray);
+                -o.v.z / d.v.z
+            }
+            Outline::Ball(centre, radius) => {
+                let to = centre - ray.o.v;
+                let along = to.dot(&ray.d.v);
+                let inside = radius * radius - (to.norm_squared() - along * along);
+                along - inside.max(0.0).sqrt()
+            }
+            Outline::Sampled => return None,
+        };
+        (t > 0.0 && t.is_finite()).then_some(t)
+    }
+}
+
+fn triangle_frame(mesh: &Mesh, triangle: u32) -> Option<Frame> {
+    let [v0, v1, v2] = mesh.corners(triangle);
+    let normal = mesh.area_vector(triangle).try_normalize(0.0)?;
+    Frame::new(v0.coords, v1 - v0, v2 - v0, normal)
+}
+
+/// Height o above the lamp, descent m, and the crossing point times m.
+fn crossing(frame: &Frame, ray: &DualRay) -> (Dual, Dual, Dual, Dual) {
+    let (o, d) = frame.local(ray);
+    let part = |v: &DualVector, k: usize| Dual::new(v.v[k], v.a[k], v.b[k]);
+    let (oz, m) = (part(&o, 2), -part(&d, 2));
+    (oz, m, part(&o, 0) * m + part(&d, 0) * oz, part(&o, 1) * m + part(&d, 1) * oz)
+}

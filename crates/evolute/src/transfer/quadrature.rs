@@ -1,0 +1,425 @@
+//! Adaptive quadrature over the quadtrees of all terms of one receiver (Yu & Wu (16)).
+//!
+//! Cells are interpolated from corner values and gradients, cut along the edge functions, and
+//! divided in order of their estimated error until the sum of the estimates is within the tolerance.
+//!
+//! The estimate of a cell comes from what the interpolant misses at the cell's centre: edges shifted
+//! by that residual both ways, plus the weight's residual over the part that is lit. It is an
+//! estimate, not a bound: a feature between samples is unseen.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use arrayvec::ArrayVec;
+
+use super::boundary::{Border, border};
+use super::criteria::Criteria;
+use super::cut::{MAX_CONSTRAINTS, Weights, cut_integral};
+use super::field::{DirectField, FieldSample, MAX_FIELD_EDGES, Sight, sample_through};
+use super::lamp::Lamp;
+use super::polynomial::Patch;
+use super::settings::Counts;
+use super::word::{GRID_BITS, GridPoint, WordId, Words};
+use crate::geometry::Rgb;
+use crate::optics::Dual;
+
+/// First grid of a domain: 8 × 8 cells.
+pub const FIRST_LEVEL: u32 = 3;
+/// Cells are not divided below this level: sides still have ten bits for bisection.
+const LAST_LEVEL: u32 = 14;
+/// Share of the tolerance that one cell's curves may be straightened for.
+const CUT_SHARE: f64 = 1e-3;
+/// A cell is dark when an edge function is negative by this share of how far its polynomial bends.
+const DARK_MARGIN: f64 = 0.5;
+/// Share of a gradient's residual that counts as a value's: the residual of a quartic has that slope
+/// half way to the side.
+const GRADIENT_SHARE: f64 = 0.25;
+/// Share of the centre's residual that is left after the bump at the centre took it up.
+const LEFT_AFTER_BUMP: f64 = 0.5;
+
+/// What is integrated.
+pub enum Term<'s> {
+    /// A lamp seen directly.
+    Direct(Box<DirectField<'s>>, Rgb),
+    /// A lamp (by index) through a word.
+    Through(WordId, usize),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    term: u32,
+    level: u32,
+    i: u32,
+    j: u32,
+    integral: Rgb,
+    error: f64,
+    leaf: bool,
+}
+
+struct Candidate {
+    error: f64,
+    cell: u32,
+}
+
+impl PartialEq for Candidate {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+impl Eq for Candidate {}
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Candidate {
+    /// Largest error first, ties by the cell's number.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.error.total_cmp(&other.error).then(other.cell.cmp(&self.cell))
+    }
+}
+
+/// All terms of one receiver and their cells.
+pub struct Quadrature<'s, 'l> {
+    /// The words and their chains.
+    pub words: Words<'s>,
+    lamps: &'l [Lamp],
+    criteria: Criteria,
+    terms: Vec<Term<'s>>,
+    cells: Vec<Cell>,
+    queue: BinaryHeap<Candidate>,
+    /// Luminance and error of all leaves so far.
+    luminance: f64,
+    error: f64,
+    counts: Counts,
+}
+
+/// What one cell is worth.
+struct Estimate {
+    integral: Rgb,
+    error: f64,
+    divide: bool,
+}
+
+impl Estimate {
+    const DARK: Self = Self { integral: Rgb::BLACK, error: 0.0, divide: false };
+}
+
+impl<'s, 'l> Quadrature<'s, 'l> {
+    /// No terms yet.
+    pub fn new(words: Words<'s>, lamps: &'l [Lamp], criteria: Criteria) -> Self {
+        Self {
+            words,
+            lamps,
+            criteria,
+            terms: Vec::new(),
+            cells: Vec::new(),
+            queue: BinaryHeap::new(),
+            luminance: 0.0,
+            error: 0.0,
+            counts: Counts::default(),
+        }
+    }
+
+    /// Luminance of what is found so far [W/m²].
+    pub fn luminance(&self) -> f64 {
+        self.luminance
+    }
+
+    /// Estimated error so far [W/m²].
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// Cells so far.
+    pub fn cell_count(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Work so far.
+    pub fn counts(&self) -> Counts {
+        let mut sum = self.counts;
+        sum += self.words.counts;
+        sum
+    }
+
+    /// Adds a term with its first grid of cells.
+    pub fn add(&mut self, term: Term<'s>, tolerance: f64) {
+        let index = self.terms.len() as u32;
+        self.terms.push(term);
+        let n = 1u32 << FIRST_LEVEL;
+        let step = 1u32 << (GRID_BITS - FIRST_LEVEL);
+        for i in 0..n {
+            for j in 0..n {
+                self.place(index, FIRST_LEVEL, i * step, j * step, tolerance);
+            }
+        }
+    }
+
+    /// Divides the worst cell; the word whose chains it traced, or `None` if nothing can be divided.
+    pub fn divide_worst(&mut self, tolerance: f64) -> Option<Option<WordId>> {
+        let worst = self.queue.pop()?;
+        let cell = self.cells[worst.cell as usize];
+        self.remove(worst.cell);
+        self.divide(&cell, tolerance);
+        Some(match &self.terms[cell.term as usize] {
+            Term::Through(word, _) => Some(*word),
+            Term::Direct(..) => None,
+        })
+    }
+
+    fn remove(&mut self, index: u32) {
+        let cell = &mut self.cells[index as usize];
+        cell.leaf = false;
+        self.luminance -= cell.integral.luminance();
+        self.error -= cell.error;
+    }
+
+    fn divide(&mut self, cell: &Cell, tolerance: f64) {
+        let half = 1u32 << (GRID_BITS - cell.level - 1);
+        for (di, dj) in [(0, 0), (half, 0), (0, half), (half, half)] {
+            self.place(cell.term, cell.level + 1, cell.i + di, cell.j + dj, tolerance);
+        }
+    }
+
+    fn place(&mut self, term: u32, level: u32, i: u32, j: u32, tolerance: f64) {
+        self.counts.cells += 1;
+        let estimate = self.estimate(term as usize, level, i, j, tolerance);
+        let mut cell =
+            Cell { term, level, i, j, integral: estimate.integral, error: estimate.error, leaf: true };
+        if estimate.divide && level < LAST_LEVEL {
+            return self.divide(&cell, tolerance);
+        }
+        if cell.integral.is_black() && cell.error == 0.0 {
+            return;
+        }
+        if !cell.error.is_finite() {
+            cell.error = f64::MAX;
+        }
+        self.luminance += cell.integral.luminance();
+        self.error += cell.error;
+        let index = self.cells.len() as u32;
+        self.cells.push(cell);
+        if level < LAST_LEVEL && cell.error > 0.0 {
+            self.queue.push(Candidate { error: cell.error, cell: index });
+        }
+    }
+
+    /// Direct and specular parts and the error, leaves added up anew in their order.
+    pub fn totals(&self) -> (Rgb, Rgb, f64) {
+        let (mut direct, mut specular, mut error) = (Rgb::BLACK, Rgb::BLACK, 0.0);
+        for cell in self.cells.iter().filter(|c| c.leaf) {
+            match self.terms[cell.term as usize] {
+                Term::Direct(..) => direct += cell.integral,
+                Term::Through(..) => specular += cell.integral,
+            }
+            error += cell.error;
+        }
+        (direct, specular, error)
+    }
+
+    /// Irradiance by word.
+    pub fn by_word(&self) -> Vec<(WordId, Rgb)> {
+        let mut list: Vec<(WordId, Rgb)> = Vec::new();
+        for cell in self.cells.iter().filter(|c| c.leaf) {
+            if let Term::Through(word, _) = self.terms[cell.term as usize] {
+                match list.iter_mut().find(|(w, _)| *w == word) {
+                    Some((_, sum)) => *sum += cell.integral,
+                    None => list.push((word, cell.integral)),
+                }
+            }
+        }
+        list
+    }
+
+    fn sample(&mut self, term: usize, at: GridPoint) -> Option<FieldSample> {
+        match &self.terms[term] {
+            Term::Direct(field, _) => {
+                self.counts.chains += 1;
+                field.sample(at, &mut self.counts)
+            }
+            Term::Through(word, lamp) => {
+                sample_through(&mut self.words, *word, &self.lamps[*lamp], at)
+            }
+        }
+    }
+
+    fn estimate(&mut self, term: usize, level: u32, i: u32, j: u32, tolerance: f64) -> Estimate {
+        let side = 1u32 << (GRID_BITS - level);
+        let h = 1.0 / f64::from(1u32 << level);
+        let area = h * h;
+        let at = |di, dj| GridPoint { i: i + di, j: j + dj };
+        let corners = [at(0, 0), at(side, 0), at(0, side), at(side, side)]
+            .map(|point| self.sample(term, point));
+        let (radiance, channels) = match &self.terms[term] {
+            Term::Direct(_, radiance) => (*radiance, 1),
+            Term::Through(word, lamp) => {
+                (self.lamps[*lamp].radiance, if self.words.is_grey(*word) { 1 } else { 3 })
+            }
+        };
+        let missing = corners.iter().filter(|c| c.is_none()).count();
+        let centre_at = at(side / 2, side / 2);
+        if missing == 4 {
+            // A chain that exists nowhere on the corners may still exist inside.
+            let Some(centre) = self.sample(term, centre_at) else { return Estimate::DARK };
+            let most = centre.weight[0].v.abs() * area * radiance.luminance();
+            return Estimate { integral: Rgb::BLACK, error: most, divide: level <= FIRST_LEVEL };
+        }
+        let edge_count = corners.iter().flatten().map(|c| c.edges.len()).min().unwrap_or(0);
+        let mut edges: ArrayVec<Patch, MAX_FIELD_EDGES> = ArrayVec::new();
+        for k in 0..edge_count {
+            let patch = hermite(&corners, h, |s| s.edges[k]);
+            let (_, high) = patch.bounds();
+            let margin = DARK_MARGIN * (1 + missing) as f64 * patch.plane().0;
+            if high < -margin {
+                return Estimate::DARK;
+            }
+            edges.push(patch);
+        }
+        // Criteria 1 to 3 look at the corners alone.
+        if level < LAST_LEVEL {
+            let c = &self.criteria;
+            let coarse = level < FIRST_LEVEL + 3;
+            let forced = (coarse && c.solid_angle.is_some_and(|c| c.divides(&corners, area)))
+                || (coarse && c.normal_variation.is_some_and(|c| c.divides(&corners)))
+                || c.matching_trees.is_some_and(|c| c.divides(&corners, level - FIRST_LEVEL));
+            if forced {
+                return Estimate { integral: Rgb::BLACK, error: 0.0, divide: true };
+            }
+        }
+        let centre = self.sample(term, centre_at);
+        let mut weights = Weights::new();
+        let mut weight_residual = 0.0;
+        for c in 0..channels {
+            let mut patch = hermite(&corners, h, |s| s.weight[c] * area);
+            if let Some(s) = &centre {
+                let (value, slope) = residual(&patch, &(s.weight[c] * area), h);
+                patch.add_bump(value);
+                let share = if channels == 1 { 1.0 } else { LUMINANCE[c] };
+                weight_residual +=
+                    share * LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
+            }
+            weights.push(patch);
+        }
+        // Only edges that may vanish in the cell matter.
+        let mut shifts: ArrayVec<f64, MAX_FIELD_EDGES> = ArrayVec::new();
+        let mut cuts: ArrayVec<Patch, MAX_CONSTRAINTS> = ArrayVec::new();
+        for (k, mut patch) in edges.into_iter().enumerate() {
+            let mut shift = 0.0;
+            if let Some(s) = &centre {
+                let (value, slope) = residual(&patch, &s.edges[k], h);
+                patch.add_bump(value);
+                shift = LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
+            }
+            let (low, high) = patch.bounds();
+            if high + shift < 0.0 {
+                return Estimate::DARK;
+            }
+            if low - shift < 0.0 {
+                cuts.push(patch);
+                shifts.push(shift);
+            }
+        }
+        let lum = |v: [f64; 3]| {
+            if channels == 1 {
+                v[0] * radiance.luminance()
+            } else {
+                (Rgb(v) * radiance).luminance()
+            }
+        };
+        let full: [f64; 3] =
+            std::array::from_fn(|c| weights.get(c).map_or(0.0, |w| w.integral()));
+        let straight = if tolerance > 0.0 {
+            CUT_SHARE * tolerance / radiance.luminance().max(f64::MIN_POSITIVE)
+        } else {
+            1e-3 * full[0].abs()
+        };
+        let (integral, mut error) = if cuts.is_empty() {
+            (full, lum([weight_residual; 3]).abs())
+        } else {
+            let shifted = |sign: f64| -> ArrayVec<Patch, MAX_CONSTRAINTS> {
+                cuts.iter().zip(&shifts).map(|(c, s)| c.shifted(sign * s)).collect()
+            };
+            let exact = cut_integral(&weights, &cuts, straight);
+            let wide = cut_integral(&weights, &shifted(1.0), straight);
+            let narrow = cut_integral(&weights, &shifted(-1.0), straight);
+            let lit = if full[0].abs() > 0.0 { (wide[0] / full[0]).clamp(0.0, 1.0) } else { 1.0 };
+            let shift_error = 0.5 * (lum(wide) - lum(narrow)).abs();
+            let missed = (lum(exact) - 0.5 * (lum(wide) + lum(narrow))).abs();
+            let straightened = if lit > 0.0 { lum([straight; 3]) * 0.25 } else { 0.0 };
+            (exact, shift_error + missed + lum([weight_residual * lit; 3]).abs() + straightened)
+        };
+        // What sampling alone sees: occluders, chains that do not exist.
+        let on = |s: &Option<FieldSample>| s.as_ref().map_or(Sight::Off, |s| s.sight);
+        let sights = [on(&corners[0]), on(&corners[1]), on(&corners[2]), on(&corners[3])];
+        let mid = on(&centre);
+        let any_off = mid == Sight::Off || sights.contains(&Sight::Off);
+        let whole = lum(integral).abs().max(error);
+        let mut result = integral;
+        if any_off {
+            let any_on = mid == Sight::On || sights.contains(&Sight::On);
+            if !any_on {
+                // Nothing seen at five points; what edges leave beyond them is not known.
+                return Estimate::DARK;
+            }
+            let seen = |s: Sight| s != Sight::Off;
+            let mut ask = |a: f64, b: f64| {
+                let to = |x: f64| (x * f64::from(side) + 0.5) as u32;
+                let point = at(to(a), to(b));
+                on(&self.sample(term, point)) != Sight::Off
+            };
+            match border(sights.map(seen), seen(mid), &mut ask) {
+                Border::Everything => {}
+                Border::Nothing => return Estimate::DARK,
+                Border::Cut(patch, doubt) => {
+                    cuts.push(*patch);
+                    result = cut_integral(&weights, &cuts, straight);
+                    let most = weights.iter().fold(0f64, |m, w| m.max(w.bounds().1));
+                    let doubt = (lum([most; 3]) * doubt).min(whole);
+                    error = error.min(whole) + doubt;
+                }
+                Border::Tangled => {
+                    result = integral.map(|v| 0.5 * v);
+                    error = whole;
+                }
+            }
+        }
+        let integral = if channels == 1 { radiance * result[0] } else { Rgb(result) * radiance };
+        Estimate { integral, error, divide: false }
+    }
+}
+
+/// Shares of the channels in luminance.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Differences of value and of gradient (as a sum) at the centre between the field and the patch.
+fn residual(patch: &Patch, truth: &Dual, h: f64) -> (f64, f64) {
+    let p = patch.centre();
+    (truth.v - p.v, (truth.a * h - p.a).abs() + (truth.b * h - p.b).abs())
+}
+
+/// The patch through the corners; corners where the field does not exist are extrapolated from the
+/// others.
+fn hermite(
+    corners: &[Option<FieldSample>; 4],
+    h: f64,
+    pick: impl Fn(&FieldSample) -> Dual,
+) -> Patch {
+    const AT: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+    let known: [Option<Dual>; 4] =
+        std::array::from_fn(|k| corners[k].as_ref().map(&pick));
+    let data: [Dual; 4] = std::array::from_fn(|k| {
+        known[k].unwrap_or_else(|| {
+            let (mut sum, mut count) = (Dual::default(), 0.0);
+            for (m, d) in known.iter().enumerate() {
+                if let Some(d) = d {
+                    let (da, db) = (AT[k][0] - AT[m][0], AT[k][1] - AT[m][1]);
+                    sum = sum + Dual::new(d.v + h * (d.a * da + d.b * db), d.a, d.b);
+                    count += 1.0;
+                }
+            }
+            sum * (1.0 / count)
+        })
+    });
+    Patch::hermite(&data, h, h)
+}

@@ -1,0 +1,374 @@
+//! Words: the sequences of surfaces and events that chains from one receiver go through, as a tree
+//! whose nodes share the legs that are already traced.
+
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+use arrayvec::ArrayVec;
+
+use super::chain::{Arrival, Departure, Step, Visibility, depart, events};
+use super::domain::Domain;
+use super::extension::{is_faceted, meet};
+use super::settings::{Counts, Receiver};
+use crate::geometry::Ray;
+use crate::optics::{Dual, DualRay};
+use crate::scene::{Scene, ShapeId};
+use crate::surface::Surface;
+use crate::trace::{Anchor, Hit, Tracer};
+
+/// Domains are resolved to this many binary digits: cells of level 14 may still bisect their sides
+/// ten times.
+pub const GRID_BITS: u32 = 24;
+
+/// A point of a domain on the finest dyadic grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct GridPoint {
+    /// a · 2^GRID_BITS.
+    pub i: u32,
+    /// b · 2^GRID_BITS.
+    pub j: u32,
+}
+
+impl GridPoint {
+    /// a and b in [0, 1].
+    pub fn coordinates(&self) -> (f64, f64) {
+        let unit = 1.0 / f64::from(1u32 << GRID_BITS);
+        (f64::from(self.i) * unit, f64::from(self.j) * unit)
+    }
+
+    fn key(&self) -> u64 {
+        (u64::from(self.i) << 32) | u64::from(self.j)
+    }
+}
+
+/// Index of a word in its tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WordId(pub u32);
+
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    /// The first surface, through a domain.
+    First(usize),
+    /// After another word.
+    After(WordId),
+}
+
+/// A word and the departures already traced for it.
+struct Word {
+    source: Source,
+    step: Step,
+    depth: u32,
+    grey: bool,
+    departures: HashMap<u64, Option<Box<Departure>>, GridHasher>,
+    discovered: Vec<Step>,
+}
+
+/// The first leg at a grid point: shared by the events at the first surface.
+type FirstLeg = Option<(super::domain::FirstPoint, bool)>;
+
+struct Root<'s> {
+    shape: ShapeId,
+    domain: Domain<'s>,
+    legs: HashMap<u64, FirstLeg, GridHasher>,
+}
+
+/// The words of one receiver.
+pub struct Words<'s> {
+    scene: &'s Scene,
+    tracer: &'s Tracer<'s>,
+    receiver: Receiver,
+    contacts: ArrayVec<Anchor, 8>,
+    roots: Vec<Root<'s>>,
+    words: Vec<Word>,
+    /// Work done so far.
+    pub counts: Counts,
+}
+
+impl<'s> Words<'s> {
+    /// No words yet.
+    pub fn new(scene: &'s Scene, tracer: &'s Tracer<'s>, receiver: Receiver) -> Self {
+        let contacts = tracer.contacts(&receiver.position);
+        Self {
+            scene,
+            tracer,
+            receiver,
+            contacts,
+            roots: Vec::new(),
+            words: Vec::new(),
+            counts: Counts::default(),
+        }
+    }
+
+    /// Adds the words of one event each at `shape`; their ids.
+    pub fn begin(&mut self, shape: ShapeId) -> Vec<WordId> {
+        let scene = self.scene;
+        let target = scene.shape(shape);
+        let on_surface = self.contacts.iter().any(|c| c.shape == shape);
+        // Whatever lies wholly behind the receiver sends nothing.
+        let n = self.receiver.normal;
+        let position = self.receiver.position;
+        let bounds = target.surface.bounds();
+        if bounds.corners().iter().all(|c| (c - position).dot(&n) <= 0.0) {
+            return Vec::new();
+        }
+        let mut ids = Vec::new();
+        for domain in Domain::of(&target.surface, &position, on_surface) {
+            // One look tells the side of a one-sided domain.
+            let sides: ArrayVec<bool, 2> = if domain.one_sided() {
+                let probe = [(0.5, 0.5), (0.3, 0.4), (0.6, 0.2)];
+                let seen = probe.iter().find_map(|&(a, b)| domain.at(a, b));
+                seen.map(|p| p.d.v.dot(&p.n.v) < 0.0).into_iter().collect()
+            } else {
+                ArrayVec::from([true, false])
+            };
+            let root = self.roots.len();
+            let primitive = matches!(target.surface, Surface::Mesh(_)).then(|| domain.primitive());
+            for front in sides {
+                for event in events(&target.material, front) {
+                    let hint = crate::surface::SurfacePoint {
+                        primitive: domain.primitive(),
+                        p: 0.5,
+                        q: 0.5,
+                        x: position,
+                    };
+                    let step = Step { shape, primitive, front, event, hint };
+                    ids.push(self.add(Source::First(root), step, 1, true));
+                }
+            }
+            self.roots.push(Root { shape, domain, legs: HashMap::default() });
+        }
+        ids
+    }
+
+    /// Adds the words that continue `word` by the letters its chains were seen to meet and that are
+    /// not there yet; their ids.
+    pub fn continue_word(&mut self, word: WordId) -> Vec<WordId> {
+        let steps = std::mem::take(&mut self.words[word.0 as usize].discovered);
+        let (depth, grey) = {
+            let w = &self.words[word.0 as usize];
+            (w.depth + 1, w.grey)
+        };
+        let mut ids = Vec::new();
+        for step in steps {
+            let known = self.words.iter().any(|w| {
+                matches!(w.source, Source::After(p) if p == word) && w.step.same_letter(&step)
+            });
+            if !known {
+                ids.push(self.add(Source::After(word), step, depth, grey));
+            }
+        }
+        ids
+    }
+
+    fn add(&mut self, source: Source, step: Step, depth: u32, grey: bool) -> WordId {
+        let material = &self.scene.shape(step.shape).material;
+        let side = if step.front { &material.front } else { &material.back };
+        let same = |c: &crate::geometry::Rgb| c[0] == c[1] && c[1] == c[2];
+        let grey = grey
+            && side.mirror.as_ref().is_none_or(|m| {
+                same(&m.weight) && m.conductor.as_ref().is_none_or(|(e, k)| same(e) && same(k))
+            })
+            && material
+                .dielectric
+                .as_ref()
+                .is_none_or(|d| same(&d.reflectance) && same(&d.transmittance));
+        self.words.push(Word {
+            source,
+            step,
+            depth,
+            grey,
+            departures: HashMap::default(),
+            discovered: Vec::new(),
+        });
+        WordId(self.words.len() as u32 - 1)
+    }
+
+    /// Interactions of a word.
+    pub fn depth(&self, word: WordId) -> u32 {
+        self.words[word.0 as usize].depth
+    }
+
+    /// Whether its throughput is the same in all channels.
+    pub fn is_grey(&self, word: WordId) -> bool {
+        self.words[word.0 as usize].grey
+    }
+
+    /// Whether chains of the word were seen to meet further specular surfaces.
+    pub fn has_discoveries(&self, word: WordId) -> bool {
+        !self.words[word.0 as usize].discovered.is_empty()
+    }
+
+    /// The letters of a word, first surface first.
+    pub fn letters(&self, word: WordId) -> Vec<Step> {
+        let w = &self.words[word.0 as usize];
+        let mut list = match w.source {
+            Source::First(_) => Vec::new(),
+            Source::After(parent) => self.letters(parent),
+        };
+        list.push(w.step);
+        list
+    }
+
+    /// The departure of a word's chain at a grid point; `None` where the chain does not exist.
+    pub fn departure(&mut self, word: WordId, at: GridPoint) -> Option<&Departure> {
+        if !self.words[word.0 as usize].departures.contains_key(&at.key()) {
+            let traced = self.trace(word, at).map(Box::new);
+            self.words[word.0 as usize].departures.insert(at.key(), traced);
+        }
+        self.words[word.0 as usize].departures.get(&at.key())?.as_deref()
+    }
+
+    fn trace(&mut self, word: WordId, at: GridPoint) -> Option<Departure> {
+        self.counts.chains += 1;
+        let step = self.words[word.0 as usize].step;
+        let arrival = match self.words[word.0 as usize].source {
+            Source::First(root) => self.first_arrival(root, &step, at)?,
+            Source::After(parent) => self.next_arrival(parent, &step, at)?,
+        };
+        let material = &self.scene.shape(step.shape).material;
+        let mut departure = depart(arrival, material, &step)?;
+        if departure.arrival.visible == Visibility::Free {
+            let ray = Ray::new(departure.arrival.anchor.point.x, departure.ray.d.v);
+            self.counts.rays += 1;
+            let next = self.tracer.nearest(&ray, f64::INFINITY, &[departure.arrival.anchor]);
+            departure.next = next;
+            if let Some(hit) = next {
+                self.discover(word, &departure.ray, &hit);
+            }
+        }
+        Some(departure)
+    }
+
+    /// Notes which letters could follow.
+    fn discover(&mut self, word: WordId, ray: &DualRay, hit: &Hit) {
+        let shape = self.scene.shape(hit.anchor.shape);
+        if !shape.material.is_specular() {
+            return;
+        }
+        let Some(local) = shape.surface.local(&hit.anchor.point) else { return };
+        let front = ray.d.v.dot(&local.ng) < 0.0;
+        let primitive = facet(&shape.surface, &hit.anchor);
+        for event in events(&shape.material, front) {
+            let step =
+                Step { shape: hit.anchor.shape, primitive, front, event, hint: hit.anchor.point };
+            let list = &mut self.words[word.0 as usize].discovered;
+            if !list.iter().any(|s| s.same_letter(&step)) {
+                list.push(step);
+            }
+        }
+    }
+
+    fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
+        let (position, normal) = (self.receiver.position, self.receiver.normal);
+        if !self.roots[root].legs.contains_key(&at.key()) {
+            let (a, b) = at.coordinates();
+            let leg = self.roots[root].domain.at(a, b).map(|first| {
+                self.counts.rays += 1;
+                let ray = Ray::new(position, first.d.v);
+                let hit = self.tracer.nearest(&ray, f64::INFINITY, &self.contacts);
+                // The tracer's root and the domain's are the same point but for rounding.
+                let free = hit.is_some_and(|h| {
+                    h.anchor.shape == self.roots[root].shape
+                        && (h.t - first.distance).abs() <= 1e-8 * first.distance
+                });
+                (first, free)
+            });
+            self.roots[root].legs.insert(at.key(), leg);
+        }
+        let (first, free) = (*self.roots[root].legs.get(&at.key())?)?;
+        let cos_1 = first.d.dot_constant(&normal);
+        let mut arrival = Arrival {
+            anchor: Anchor { shape: step.shape, point: first.point },
+            x: first.x,
+            d: first.d,
+            n: first.n,
+            first_normal: first.n.v,
+            weight: cos_1 * first.solid_angle,
+            solid_angle: first.solid_angle.v,
+            throughput: [Dual::constant(1.0); 3],
+            edges: ArrayVec::new(),
+            visible: if free { Visibility::Free } else { Visibility::Blocked },
+        };
+        arrival.push_edge(cos_1);
+        if !self.roots[root].domain.one_sided() {
+            let facing = first.d.dot(&first.n);
+            arrival.push_edge(if step.front { -facing } else { facing });
+            // The domain's measure is unsigned; seen from the other side it goes on with the sign.
+            if arrival.edges[1].v < 0.0 {
+                arrival.weight = -arrival.weight;
+                arrival.visible = Visibility::Beyond;
+            }
+        }
+        Some(arrival)
+    }
+
+    fn next_arrival(&mut self, parent: WordId, step: &Step, at: GridPoint) -> Option<Arrival> {
+        let scene = self.scene;
+        let surface = &scene.shape(step.shape).surface;
+        let before = self.departure(parent, at)?;
+        let real = before.next.as_ref().filter(|h| {
+            h.anchor.shape == step.shape
+                && facet(surface, &h.anchor) == step.primitive
+                && surface
+                    .local(&h.anchor.point)
+                    .is_some_and(|l| (before.ray.d.v.dot(&l.ng) < 0.0) == step.front)
+        });
+        let same = before.arrival.anchor.shape == step.shape;
+        let meeting =
+            meet(surface, step.primitive, step.front, &before.ray, real, same, &step.hint)?;
+        let inside = meeting.apertures.iter().all(|e| e.v > 0.0);
+        let visible = match before.arrival.visible {
+            Visibility::Free if real.is_some() => Visibility::Free,
+            Visibility::Free if inside => Visibility::Blocked,
+            Visibility::Free => Visibility::Beyond,
+            other => other,
+        };
+        let mut arrival = Arrival {
+            anchor: Anchor { shape: step.shape, point: meeting.point },
+            x: meeting.x,
+            d: before.ray.d,
+            n: meeting.n,
+            throughput: before.throughput,
+            visible,
+            ..before.arrival.clone()
+        };
+        for e in meeting.apertures {
+            arrival.push_edge(e);
+        }
+        if !matches!(surface, Surface::Sphere(_) | Surface::Cylinder(_)) {
+            let facing = arrival.d.dot(&arrival.n);
+            arrival.push_edge(if step.front { -facing } else { facing });
+        }
+        Some(arrival)
+    }
+}
+
+/// The triangle, if each triangle of the surface is a mirror of its own.
+fn facet(surface: &Surface, anchor: &Anchor) -> Option<u32> {
+    match surface {
+        Surface::Mesh(m) if is_faceted(m) => Some(anchor.point.primitive),
+        _ => None,
+    }
+}
+
+/// Multiplies grid keys by an odd constant (2⁶⁴ over the golden ratio) and folds; the map is only
+/// ever asked for single keys, so its order never shows.
+#[derive(Default)]
+struct GridHash(u64);
+
+impl Hasher for GridHash {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for b in bytes {
+            self.write_u64(u64::from(*b));
+        }
+    }
+    fn write_u64(&mut self, key: u64) {
+        let mixed = (self.0 ^ key).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.0 = mixed ^ (mixed >> 29);
+    }
+}
+
+type GridHasher = BuildHasherDefault<GridHash>;
