@@ -75,6 +75,9 @@ pub struct Arrival {
     pub solid_angle: f64,
     /// Throughput of radiance so far, a channel each.
     pub throughput: [Dual; 3],
+    /// (n_P / n)² for the medium that the family is in: the part of the throughput that leaving the
+    /// medium gives back.
+    pub radiance_scale: f64,
     /// Positive where the chain is inside borders and on the right side.
     pub edges: ArrayVec<Dual, MAX_CHAIN_EDGES>,
     /// Whether the legs are free.
@@ -108,7 +111,7 @@ pub struct Departure {
 ///
 /// Throughput follows radiance from the far end to the receiver: Fresnel's factors, and (n₁/n₂)² at a
 /// boundary from the receiver's side 1 into 2.
-pub fn depart(arrival: Arrival, material: &Material, step: &Step) -> Option<Departure> {
+pub fn depart(mut arrival: Arrival, material: &Material, step: &Step) -> Option<Departure> {
     // The normal on the side that the family comes from.
     let n = if step.front { arrival.n } else { -arrival.n };
     let cos_i = -arrival.d.dot(&n);
@@ -133,6 +136,7 @@ pub fn depart(arrival: Arrival, material: &Material, step: &Step) -> Option<Depa
                     reflected(&arrival.d, &n)
                 }
                 Event::Transmit => {
+                    arrival.radiance_scale *= (n1 * n1) / (n2 * n2);
                     let passed = (reflectance * -1.0 + 1.0) * ((n1 * n1) / (n2 * n2));
                     for (t, f) in throughput.iter_mut().zip(boundary.transmittance.0) {
                         *t = *t * passed * f;

@@ -3,13 +3,10 @@
 use arrayvec::ArrayVec;
 
 use super::settings::Receiver;
-use crate::geometry::{Aabb, Point3, Vector3, math};
-use crate::scene::{Scene, ShapeId};
+use super::shaft::MAX_CORNERS;
+use crate::geometry::{Point3, Vector3, math};
 use crate::surface::Surface;
-use crate::trace::Tracer;
 
-/// Most corners of a polygon before it is clipped.
-pub const MAX_CORNERS: usize = 8;
 
 /// The corners of the parts of a lamp that are flat convex polygons, in an order that is
 /// counter-clockwise seen from the emitting side; `None` for a curved lamp.
@@ -77,63 +74,6 @@ pub fn lambert(receiver: &Receiver, corners: &[Point3]) -> f64 {
     }
     // Seen from the receiver the corners run clockwise.
     (-0.5 * sum).max(0.0)
-}
-
-/// Most primitives looked at before a polygon is taken to be hidden in part.
-const MAX_CANDIDATES: usize = 64;
-
-/// Whether it is certain that nothing stands between the receiver and any point of the polygon.
-///
-/// Every primitive whose box reaches the box around both is tested against the planes of the pyramid
-/// from the receiver to the polygon; `false` means only that some box reaches into it.
-pub fn surely_free(
-    scene: &Scene,
-    tracer: &Tracer<'_>,
-    receiver: &Receiver,
-    lamp: ShapeId,
-    corners: &[Point3],
-) -> bool {
-    let apex = receiver.position;
-    let bounds = Aabb::around(corners.iter().copied().chain([apex]));
-    let mut found = Vec::new();
-    if !tracer.occluders_in(&bounds, &mut found, MAX_CANDIDATES) {
-        return false;
-    }
-    let mut planes: ArrayVec<(Point3, Vector3), { MAX_CORNERS + 2 }> = ArrayVec::new();
-    let middle = corners.iter().fold(Vector3::zeros(), |s, c| s + c.coords) / corners.len() as f64;
-    let inside = nalgebra::center(&apex, &Point3::from(middle));
-    let n = receiver.normal.into_inner();
-    for k in 0..corners.len() {
-        let (p, q) = (corners[k], corners[(k + 1) % corners.len()]);
-        let normal = (p - apex).cross(&(q - apex));
-        let sign = if (inside - apex).dot(&normal) < 0.0 { -1.0 } else { 1.0 };
-        planes.push((apex, normal * sign));
-    }
-    planes.push((apex, n));
-    if corners.len() >= 3 {
-        let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
-        let sign = if (apex - corners[0]).dot(&normal) < 0.0 { -1.0 } else { 1.0 };
-        planes.push((corners[0], normal * sign));
-    }
-    let contacts = tracer.contacts(&apex);
-    found.iter().all(|&(shape, primitive)| {
-        let surface = &scene.shape(shape).surface;
-        let flat = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_));
-        if flat && (shape == lamp || contacts.iter().any(|c| c.shape == shape)) {
-            return true;
-        }
-        let points: ArrayVec<Point3, 8> = match surface {
-            Surface::Mesh(m) => m.corners(primitive).into_iter().collect(),
-            Surface::Rectangle(r) => r.corners().into_iter().collect(),
-            other => other.bounds().corners().into_iter().collect(),
-        };
-        planes.iter().any(|(origin, normal)| {
-            // A primitive that only touches a plane hides nothing; rounding is a few ulps of the
-            // coordinates.
-            let slack = 1e-12 * normal.norm() * (bounds.diagonal() + origin.coords.norm());
-            points.iter().all(|p| (p - origin).dot(normal) <= slack)
-        })
-    })
 }
 
 #[cfg(test)]

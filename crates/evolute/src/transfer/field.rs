@@ -7,8 +7,9 @@ use super::cut::MAX_CONSTRAINTS;
 use super::domain::Domain;
 use super::lamp::{Lamp, MAX_LAMP_EDGES};
 use super::settings::{Counts, Receiver};
+use super::shaft::{Body, Shaft};
 use super::word::{GridPoint, WordId, Words};
-use crate::geometry::{Ray, Vector3};
+use crate::geometry::{Point3, Ray, Vector3};
 use crate::optics::Dual;
 use crate::scene::ShapeId;
 use crate::trace::{Anchor, Tracer};
@@ -49,10 +50,11 @@ pub struct FieldSample {
 pub struct DirectField<'s> {
     domain: Domain<'s>,
     shape: ShapeId,
-    /// Whether the lamp emits on the side of its normal.
     receiver: Receiver,
     contacts: ArrayVec<Anchor, 8>,
     tracer: &'s Tracer<'s>,
+    /// What may hide parts of a flat lamp; `None` if that is not known.
+    suspects: Option<Vec<(ShapeId, u32)>>,
 }
 
 impl<'s> DirectField<'s> {
@@ -62,9 +64,29 @@ impl<'s> DirectField<'s> {
         shape: ShapeId,
         receiver: Receiver,
         tracer: &'s Tracer<'s>,
+        suspects: Option<Vec<(ShapeId, u32)>>,
     ) -> Self {
         let contacts = tracer.contacts(&receiver.position);
-        Self { domain, shape, receiver, contacts, tracer }
+        Self { domain, shape, receiver, contacts, tracer, suspects }
+    }
+
+    /// Whether some suspect may hide a part of the cell [a, a+h] × [b, b+h] that samples did not
+    /// see. Bodies known only by their boxes count on the first divisions alone, since a box that
+    /// reaches in may do so for ever.
+    pub fn may_hide(&self, a: f64, b: f64, h: f64, boxes_count: bool) -> bool {
+        let Some(suspects) = &self.suspects else { return false };
+        let corners: ArrayVec<Point3, 4> = [(a, b), (a + h, b), (a + h, b + h), (a, b + h)]
+            .into_iter()
+            .filter_map(|(a, b)| Some(Point3::from(self.domain.at(a, b)?.x.v)))
+            .collect();
+        if corners.len() < 4 {
+            return false;
+        }
+        let shaft = Shaft::new(&self.receiver.position, &corners);
+        suspects.iter().any(|&(shape, primitive)| {
+            let (body, exact) = Body::of(self.tracer.scene(), shape, primitive);
+            (exact || boxes_count) && !shaft.excludes(&body)
+        })
     }
 
     /// The sample at a grid point.
@@ -113,20 +135,23 @@ pub fn sample_through(
 ) -> Option<FieldSample> {
     let departure = words.departure(word, at)?;
     let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> = departure.arrival.edges.iter().copied().collect();
-    edges.extend(lamp.edges(&departure.ray));
+    let outline = lamp.edges(&departure.ray);
+    let on_lamp = outline.iter().all(|e| e.v > 0.0);
+    edges.extend(outline);
     let w = departure.arrival.weight;
     Some(FieldSample {
         edges,
         weight: departure.throughput.map(|t| w * t),
-        sight: sight(departure, lamp),
+        sight: sight(departure, lamp, on_lamp),
         normal: departure.arrival.first_normal,
         solid_angle: departure.arrival.solid_angle,
         next: departure.next.map(|h| h.anchor.shape),
     })
 }
 
-/// Whether the last leg reaches the lamp, or would if the lamp were there.
-fn sight(departure: &Departure, lamp: &Lamp) -> Sight {
+/// Whether the last leg reaches the lamp. Where it misses the outline, what it meets instead says
+/// nothing: a wall that touches the lamp's edge is no occluder.
+fn sight(departure: &Departure, lamp: &Lamp, on_outline: bool) -> Sight {
     match departure.arrival.visible {
         Visibility::Blocked => return Sight::Off,
         Visibility::Beyond => return Sight::Unknown,
@@ -142,6 +167,9 @@ fn sight(departure: &Departure, lamp: &Lamp) -> Sight {
     }
     if on_lamp {
         return Sight::On;
+    }
+    if !on_outline {
+        return Sight::Unknown;
     }
     let Some(at) = lamp.passes_at(&departure.ray) else { return Sight::Unknown };
     match &departure.next {

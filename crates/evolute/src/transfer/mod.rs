@@ -15,6 +15,7 @@ mod lamp;
 mod polynomial;
 mod quadrature;
 mod settings;
+mod shaft;
 mod specular;
 mod word;
 

@@ -34,6 +34,12 @@ const DARK_MARGIN: f64 = 0.5;
 /// Share of a gradient's residual that counts as a value's: the residual of a quartic has that slope
 /// half way to the side.
 const GRADIENT_SHARE: f64 = 0.25;
+/// A cell whose edges, shifted, sweep less than this share of the tolerance needs no closer look: a
+/// few dozen such cells are still well within it.
+const NEGLIGIBLE_SHIFT: f64 = 2e-3;
+/// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
+/// rays to the corners and the centre meets it.
+const HIDDEN_SHARE: f64 = 0.5;
 /// Share of the centre's residual that is left after the bump at the centre took it up.
 const LEFT_AFTER_BUMP: f64 = 0.5;
 
@@ -337,27 +343,53 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let (integral, mut error) = if cuts.is_empty() {
             (full, lum([weight_residual; 3]).abs())
         } else {
-            let shifted = |sign: f64| -> ArrayVec<Patch, MAX_CONSTRAINTS> {
-                cuts.iter().zip(&shifts).map(|(c, s)| c.shifted(sign * s)).collect()
-            };
             let exact = cut_integral(&weights, &cuts, straight);
-            let wide = cut_integral(&weights, &shifted(1.0), straight);
-            let narrow = cut_integral(&weights, &shifted(-1.0), straight);
+            let most = weights.iter().fold(0f64, |m, w| m.max(w.bounds().1));
+            let moved = cuts.iter().zip(&shifts).map(|(c, s)| displacement(c, *s)).sum::<f64>();
+            let (shift_error, wide) = if lum([most * moved; 3]) <= NEGLIGIBLE_SHIFT * tolerance {
+                // The strip that the shift sweeps is worth nothing; its size need not be known.
+                (lum([most * moved; 3]), exact)
+            } else {
+                let shifted = |sign: f64| -> ArrayVec<Patch, MAX_CONSTRAINTS> {
+                    cuts.iter().zip(&shifts).map(|(c, s)| c.shifted(sign * s)).collect()
+                };
+                let wide = cut_integral(&weights, &shifted(1.0), straight);
+                let narrow = cut_integral(&weights, &shifted(-1.0), straight);
+                let missed = (lum(exact) - 0.5 * (lum(wide) + lum(narrow))).abs();
+                (0.5 * (lum(wide) - lum(narrow)).abs() + missed, wide)
+            };
             let lit = if full[0].abs() > 0.0 { (wide[0] / full[0]).clamp(0.0, 1.0) } else { 1.0 };
-            let shift_error = 0.5 * (lum(wide) - lum(narrow)).abs();
-            let missed = (lum(exact) - 0.5 * (lum(wide) + lum(narrow))).abs();
             let straightened = if lit > 0.0 { lum([straight; 3]) * 0.25 } else { 0.0 };
-            (exact, shift_error + missed + lum([weight_residual * lit; 3]).abs() + straightened)
+            (exact, shift_error + lum([weight_residual * lit; 3]).abs() + straightened)
         };
         // What sampling alone sees: occluders, chains that do not exist.
         let on = |s: &Option<FieldSample>| s.as_ref().map_or(Sight::Off, |s| s.sight);
         let sights = [on(&corners[0]), on(&corners[1]), on(&corners[2]), on(&corners[3])];
         let mid = on(&centre);
         let any_off = mid == Sight::Off || sights.contains(&Sight::Off);
+        let any_on = mid == Sight::On || sights.contains(&Sight::On);
         let whole = lum(integral).abs().max(error);
         let mut result = integral;
+        if !any_off && !any_on && whole > 0.0 {
+            // None of the five rays is lit; ask where the polynomials say that most light is.
+            let (a, b) = brightest_point(&cuts);
+            let to = |x: f64| (x * f64::from(side)) as u32;
+            if on(&self.sample(term, at(to(a), to(b)))) == Sight::Off {
+                // Hidden, as far as one ray tells.
+                error = error.max(whole);
+                result = [0.0; 3];
+            }
+        }
+        if !any_off {
+            // All five rays are free; a proof is asked for what stands between them.
+            if let Term::Direct(field, _) = &self.terms[term] {
+                let (a, b) = at(0, 0).coordinates();
+                if field.may_hide(a, b, h, level < FIRST_LEVEL + 2) {
+                    error = error.max(whole * HIDDEN_SHARE);
+                }
+            }
+        }
         if any_off {
-            let any_on = mid == Sight::On || sights.contains(&Sight::On);
             if !any_on {
                 // Nothing seen at five points; what edges leave beyond them is not known.
                 return Estimate::DARK;
@@ -387,6 +419,36 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let integral = if channels == 1 { radiance * result[0] } else { Rgb(result) * radiance };
         Estimate { integral, error, divide: false }
     }
+}
+
+/// An upper estimate of the area that a constraint's zero sweeps when it is shifted, as a part of the
+/// unit cell; one where the constraint bends too much to tell.
+fn displacement(constraint: &Patch, shift: f64) -> f64 {
+    let (off, [_, ga, gb]) = constraint.plane();
+    let slope = (ga * ga + gb * gb).sqrt() - 3.0 * off;
+    // A straight line through the cell is at most √2 long.
+    if slope > 0.0 { (1.5 * shift / slope).min(1.0) } else { 1.0 }
+}
+
+/// The point of a coarse grid where the least constraint is largest.
+fn brightest_point(cuts: &[Patch]) -> (f64, f64) {
+    let mut best = (f64::NEG_INFINITY, (0.5, 0.5));
+    for i in 0..=8 {
+        for j in 0..=8 {
+            let (a, b) = (f64::from(i) * 0.125, f64::from(j) * 0.125);
+            let least = cuts
+                .iter()
+                .map(|c| {
+                    let (low, high) = c.bounds();
+                    c.value(a, b) / (high - low).max(f64::MIN_POSITIVE)
+                })
+                .fold(f64::INFINITY, f64::min);
+            if least > best.0 {
+                best = (least, (a, b));
+            }
+        }
+    }
+    best.1
 }
 
 /// Shares of the channels in luminance.

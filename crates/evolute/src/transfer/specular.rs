@@ -1,21 +1,25 @@
 //! One receiver's light: terms in order of depth, then the queue over all their cells.
 
-use super::chain::Visibility;
-use super::diffuse::{lambert, polygons, surely_free};
+use super::chain::{Event, Visibility};
+use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
 use super::field::DirectField;
 use super::quadrature::{FIRST_LEVEL, Quadrature, Term};
 use super::settings::{Components, Receiver, ReceiverLight, WordShare};
+use super::shaft::suspects;
 use super::word::{GRID_BITS, GridPoint, WordId, Words};
 use super::Transfer;
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
+use crate::surface::Surface;
 
 /// Share of the tolerance that a word may be worth to be left out; what is left out is added to the
 /// error.
 const CUT_WORD_SHARE: f64 = 0.01;
 /// The bound of a word's worth comes from samples; this covers what lies between them.
 const SAMPLED_BOUND_MARGIN: f64 = 1.5;
+/// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
+const MAX_SUSPECTS: usize = 64;
 /// Most words a receiver follows; what is beyond is added to the error.
 const MAX_WORDS: usize = 4096;
 
@@ -102,21 +106,29 @@ impl<'s> Transfer<'s> {
         let contacts = self.tracer.contacts(&receiver.position);
         for id in self.scene.lamps() {
             let shape = self.scene.shape(id);
+            let mut hidden_by = None;
             if let Some(parts) = polygons(&shape.surface) {
-                let free = parts.iter().all(|corners| {
-                    lambert(receiver, corners) == 0.0
-                        || surely_free(self.scene, self.tracer, receiver, id, corners)
-                });
-                if free {
+                let mut all = Some(Vec::new());
+                for corners in parts.iter().filter(|c| lambert(receiver, c) > 0.0) {
+                    let found =
+                        suspects(self.scene, self.tracer, &receiver.position, id, corners, MAX_SUSPECTS);
+                    match (found, &mut all) {
+                        (Some(found), Some(all)) => all.extend(found),
+                        _ => all = None,
+                    }
+                }
+                if all.as_ref().is_some_and(Vec::is_empty) {
                     for corners in &parts {
                         *closed += shape.radiance * lambert(receiver, corners);
                     }
                     continue;
                 }
+                hidden_by = all;
             }
             let on_surface = contacts.iter().any(|c| c.shape == id);
             for domain in Domain::of(&shape.surface, &receiver.position, on_surface) {
-                let field = DirectField::new(domain, id, *receiver, self.tracer);
+                let field =
+                    DirectField::new(domain, id, *receiver, self.tracer, hidden_by.clone());
                 quadrature.add(Term::Direct(Box::new(field), shape.radiance), 0.0);
             }
         }
@@ -149,7 +161,9 @@ impl<'s> Transfer<'s> {
                 }
                 if reaches {
                     for lamp in 0..self.lamps.len() {
-                        quadrature.add(Term::Through(word, lamp), allowed);
+                        if !self.shut_in(&quadrature.words, word, self.lamps[lamp].shape) {
+                            quadrature.add(Term::Through(word, lamp), allowed);
+                        }
                     }
                 } else {
                     // The first grid still has to be traced, for what follows to be found.
@@ -166,6 +180,17 @@ impl<'s> Transfer<'s> {
     }
 }
 
+impl Transfer<'_> {
+    /// Whether the last leg of a word runs inside a sphere that the lamp lies outside of.
+    fn shut_in(&self, words: &Words<'_>, word: WordId, lamp: ShapeId) -> bool {
+        let Some(last) = words.letters(word).last().copied() else { return false };
+        let Surface::Sphere(sphere) = &self.scene.shape(last.shape).surface else { return false };
+        let outside = last.front == sphere.faces_outward();
+        let inward = outside == (last.event == Event::Transmit);
+        inward && !sphere.bounds().overlaps(&self.scene.shape(lamp).surface.bounds())
+    }
+}
+
 /// What a word could be worth at most per unit of radiance, from a coarse grid of samples, and
 /// whether any of its last legs leads anywhere but to the next specular surface.
 fn look(words: &mut Words<'_>, word: WordId) -> (f64, bool) {
@@ -176,7 +201,9 @@ fn look(words: &mut Words<'_>, word: WordId) -> (f64, bool) {
         let legal = departure.arrival.edges.iter().all(|e| e.v >= 0.0);
         if departure.arrival.visible == Visibility::Free && legal {
             let throughput = departure.throughput.iter().fold(0f64, |m, t| m.max(t.v));
-            sum += departure.arrival.weight.v.max(0.0) * throughput;
+            // Whatever follows cannot add radiance but for leaving the medium again.
+            let most = throughput / departure.arrival.radiance_scale;
+            sum += departure.arrival.weight.v.max(0.0) * most;
         }
         // A leg that runs into a specular surface everywhere meets no lamp.
         reaches |= departure.arrival.visible != Visibility::Blocked;

@@ -286,6 +286,7 @@ impl<'s> Words<'s> {
             weight: cos_1 * first.solid_angle,
             solid_angle: first.solid_angle.v,
             throughput: [Dual::constant(1.0); 3],
+            radiance_scale: 1.0,
             edges: ArrayVec::new(),
             visible: if free { Visibility::Free } else { Visibility::Blocked },
         };

@@ -1,0 +1,184 @@
+//! Pyramids from a receiver to a convex polygon, and proofs that a body stays out of them.
+
+use arrayvec::ArrayVec;
+
+use crate::geometry::{Aabb, Point3, Vector3};
+use crate::scene::{Scene, ShapeId};
+use crate::surface::Surface;
+use crate::trace::Tracer;
+
+/// Most corners of the base.
+pub const MAX_CORNERS: usize = 8;
+
+/// The convex hull of a receiver and a convex polygon.
+pub struct Shaft {
+    points: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
+    normals: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
+    edges: ArrayVec<Vector3, { 2 * MAX_CORNERS }>,
+    slack: f64,
+}
+
+/// Something convex that may stand in a shaft.
+pub enum Body {
+    /// The hull of points: a flat polygon (with its normal) or a box.
+    Hull(ArrayVec<Vector3, 8>),
+    /// Centre and radius.
+    Ball(Vector3, f64),
+}
+
+impl Body {
+    /// The body of a primitive, and whether it is the primitive itself, not just a box around it.
+    pub fn of(scene: &Scene, shape: ShapeId, primitive: u32) -> (Self, bool) {
+        let hull = |points: &[Point3]| Self::Hull(points.iter().map(|p| p.coords).collect());
+        match &scene.shape(shape).surface {
+            Surface::Mesh(m) => (hull(&m.corners(primitive)), m.normals().is_none()),
+            Surface::Rectangle(r) => (hull(&r.corners()), true),
+            Surface::Sphere(s) => (Self::Ball(s.centre().coords, s.radius()), true),
+            other => (hull(&other.bounds().corners()), false),
+        }
+    }
+}
+
+impl Shaft {
+    /// From the apex to the polygon.
+    pub fn new(apex: &Point3, corners: &[Point3]) -> Self {
+        let a = apex.coords;
+        let n = corners.len().min(MAX_CORNERS);
+        let mut points = ArrayVec::new();
+        let mut normals = ArrayVec::new();
+        let mut edges = ArrayVec::new();
+        points.push(a);
+        for k in 0..n {
+            let (p, q) = (corners[k].coords, corners[(k + 1) % n].coords);
+            points.push(p);
+            normals.push((p - a).cross(&(q - a)));
+            edges.push(p - a);
+            edges.push(q - p);
+        }
+        if n >= 3 {
+            normals.push((corners[1] - corners[0]).cross(&(corners[2] - corners[0])));
+        }
+        // Touching is no crossing: rounding moves a projection by a few ulps of the coordinates.
+        let size = points.iter().fold(0f64, |m, p: &Vector3| m.max(p.norm()));
+        Self { points, normals, edges, slack: 1e-13 * size }
+    }
+
+    /// Whether the body and the inside of the shaft certainly have no point in common.
+    pub fn excludes(&self, body: &Body) -> bool {
+        match body {
+            Body::Hull(points) => {
+                let own_edges: ArrayVec<Vector3, 3> = match points.len() {
+                    // Triangle and parallelogram; a box has the axes' directions.
+                    3 => [points[1] - points[0], points[2] - points[1], points[0] - points[2]]
+                        .into_iter()
+                        .collect(),
+                    4 => [points[1] - points[0], points[2] - points[1]].into_iter().collect(),
+                    _ => [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().collect(),
+                };
+                let separates = |axis: &Vector3| {
+                    let (low, high) = self.extent(axis);
+                    let (from, to) = extent(points, axis);
+                    let slack = self.slack * axis.norm();
+                    from >= high - slack || to <= low + slack
+                };
+                self.normals.iter().any(separates)
+                    || (own_edges.len() == 3 && points.len() == 8 && own_edges.iter().any(separates))
+                    || (points.len() < 8 && separates(&own_edges[0].cross(&own_edges[1])))
+                    || self
+                        .edges
+                        .iter()
+                        .any(|e| own_edges.iter().any(|f| {
+                            let axis = e.cross(f);
+                            axis.norm_squared() > 0.0 && separates(&axis)
+                        }))
+            }
+            Body::Ball(centre, radius) => {
+                let separates = |axis: &Vector3| {
+                    let length = axis.norm();
+                    let (low, high) = self.extent(axis);
+                    let at = centre.dot(axis);
+                    length > 0.0
+                        && (at - radius * length >= high || at + radius * length <= low)
+                };
+                // Faces, edges (the plane through an edge that faces the centre) and corners.
+                self.normals.iter().any(separates)
+                    || self.points.iter().any(|p| separates(&(centre - p)))
+                    || self.points.iter().enumerate().any(|(k, p)| {
+                        self.points[..k].iter().any(|q| {
+                            let e = q - p;
+                            let to = centre - p;
+                            separates(&(to - e * (to.dot(&e) / e.norm_squared())))
+                        })
+                    })
+            }
+        }
+    }
+
+    fn extent(&self, axis: &Vector3) -> (f64, f64) {
+        extent(&self.points, axis)
+    }
+}
+
+fn extent(points: &[Vector3], axis: &Vector3) -> (f64, f64) {
+    points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
+        let at = p.dot(axis);
+        (low.min(at), high.max(at))
+    })
+}
+
+/// What may stand between a receiver and a polygon: every primitive whose box reaches the box
+/// around both, but for the lamp's own plane, planes that the receiver lies on, and what a proof
+/// keeps out of the shaft. `None` if there are more than `limit`.
+pub fn suspects(
+    scene: &Scene,
+    tracer: &Tracer<'_>,
+    receiver: &Point3,
+    lamp: ShapeId,
+    corners: &[Point3],
+    limit: usize,
+) -> Option<Vec<(ShapeId, u32)>> {
+    let bounds = Aabb::around(corners.iter().copied().chain([*receiver]));
+    let mut found = Vec::new();
+    if !tracer.occluders_in(&bounds, &mut found, limit) {
+        return None;
+    }
+    let contacts = tracer.contacts(receiver);
+    let shaft = Shaft::new(receiver, corners);
+    found.retain(|&(shape, primitive)| {
+        let surface = &scene.shape(shape).surface;
+        let flat = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_));
+        let own = flat && (shape == lamp || contacts.iter().any(|c| c.shape == shape));
+        !own && !shaft.excludes(&Body::of(scene, shape, primitive).0)
+    });
+    Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body(points: &[[f64; 3]]) -> Body {
+        Body::Hull(points.iter().map(|p| Vector3::from(*p)).collect())
+    }
+
+    #[test]
+    fn separates_what_stays_out() {
+        let base = [[-1.0, 2.0, -1.0], [1.0, 2.0, -1.0], [1.0, 2.0, 1.0], [-1.0, 2.0, 1.0]]
+            .map(Point3::from);
+        let shaft = Shaft::new(&Point3::origin(), &base);
+        // A triangle beside an edge that only an edge-edge axis separates, and one that cuts in.
+        assert!(shaft.excludes(&body(&[[1.1, 1.0, 0.0], [0.6, 1.0, 3.0], [1.1, 2.0, 3.0]])));
+        assert!(!shaft.excludes(&body(&[[0.3, 1.0, 0.0], [2.0, 1.0, 0.5], [2.0, 1.0, -0.5]])));
+        // Coplanar with the base, or behind it.
+        assert!(shaft.excludes(&body(&[[-3.0, 2.0, -3.0], [3.0, 2.0, -3.0], [0.0, 2.0, 3.0]])));
+        for (c, r, out) in [
+            ([1.0, 1.0, 0.0], 0.44, true),
+            ([1.0, 1.0, 0.0], 0.46, false),
+            ([0.0, -0.5, 0.0], 0.4, true),
+            ([1.5, 2.5, 1.5], 0.8, true),
+            ([1.5, 2.5, 1.5], 0.9, false),
+        ] {
+            assert_eq!(shaft.excludes(&Body::Ball(Vector3::from(c), r)), out, "{c:?} {r}");
+        }
+    }
+}
