@@ -42,12 +42,7 @@ fn shape(id: &str, surface: Surface, material: Material, radiance: f64) -> Shape
 fn rectangle(centre: [f64; 3], p: [f64; 3], q: [f64; 3]) -> Surface {
     let (c, p, q) = (Vector3::from(centre), Vector3::from(p), Vector3::from(q));
     let n = p.cross(&q).normalize();
-    let m = nalgebra::Matrix4::from_columns(&[
-        p.push(0.0),
-        q.push(0.0),
-        n.push(0.0),
-        c.push(1.0),
-    ]);
+    let m = nalgebra::Matrix4::from_columns(&[p.push(0.0), q.push(0.0), n.push(0.0), c.push(1.0)]);
     Surface::Rectangle(Rectangle::new(Transform::from_matrix(&m).unwrap(), false).unwrap())
 }
 
@@ -56,10 +51,7 @@ fn scene(shapes: Vec<Shape>) -> Scene {
 }
 
 fn receiver(p: [f64; 3], n: [f64; 3]) -> Receiver {
-    Receiver {
-        position: Point3::from(p),
-        normal: UnitVector3::new_normalize(Vector3::from(n)),
-    }
+    Receiver { position: Point3::from(p), normal: UnitVector3::new_normalize(Vector3::from(n)) }
 }
 
 fn settings(relative: f64) -> TransferSettings {
@@ -98,7 +90,11 @@ fn mirror_ring() {
             let error = (got.specular[1] - expected).abs();
             println!(
                 "{accuracy} ({x},{z}) {:.6} {expected} rel {:.1e} est {:.1e} {:?} met {}",
-                got.specular[1], error / expected, got.error / expected, got.counts, got.met
+                got.specular[1],
+                error / expected,
+                got.error / expected,
+                got.counts,
+                got.met
             );
             assert!(error <= (accuracy * expected).max(1e-6), "{x} {z}");
         }
@@ -109,7 +105,8 @@ fn mirror_ring() {
 #[test]
 fn white_furnace() {
     for (material, name) in [(mirror(), "mirror"), (glass(1.5), "glass")] {
-        let ball = Sphere::new(Point3::new(0.2, 0.1, -0.3), 0.8, Transform::identity(), false).unwrap();
+        let ball =
+            Sphere::new(Point3::new(0.2, 0.1, -0.3), 0.8, Transform::identity(), false).unwrap();
         let mut shapes = vec![shape("ball", Surface::Sphere(ball), material, 0.0)];
         let s = 3.0;
         for (k, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
@@ -132,7 +129,11 @@ fn white_furnace() {
             let e = got.direct[1] + got.specular[1];
             println!(
                 "{name} {:.6} direct {:.4} est {:.1e} {:?} met {}",
-                e / std::f64::consts::PI, got.direct[1], got.error, got.counts, got.met
+                e / std::f64::consts::PI,
+                got.direct[1],
+                got.error,
+                got.counts,
+                got.met
             );
             assert!((e / std::f64::consts::PI - 1.0).abs() < 1e-3);
         }

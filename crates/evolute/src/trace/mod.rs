@@ -305,7 +305,14 @@ impl<'s> Tracer<'s> {
     }
 
     /// The nearest root of a primitive that is not a triangle at 0 < t ≤ `t_max`.
-    fn meet(&self, shape: u32, primitive: u32, ray: &Ray, t_max: f64, ends: &Ends) -> Option<Found> {
+    fn meet(
+        &self,
+        shape: u32,
+        primitive: u32,
+        ray: &Ray,
+        t_max: f64,
+        ends: &Ends,
+    ) -> Option<Found> {
         let surface = self.surface(shape);
         let start = ends.start.iter().find(|a| a.shape.0 == shape);
         let end = ends.end.filter(|a| a.shape.0 == shape);

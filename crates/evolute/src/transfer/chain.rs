@@ -125,9 +125,9 @@ pub fn depart(mut arrival: Arrival, material: &Material, step: &Step) -> Option<
                 (boundary.interior_ior, boundary.exterior_ior)
             };
             let inside = refracted(&arrival.d, &n, n1 / n2, cos_i);
-            let reflectance = inside
-                .as_ref()
-                .map_or(Dual::constant(1.0), |(_, cos_t)| fresnel_dielectric(cos_i, *cos_t, n1, n2));
+            let reflectance = inside.as_ref().map_or(Dual::constant(1.0), |(_, cos_t)| {
+                fresnel_dielectric(cos_i, *cos_t, n1, n2)
+            });
             match event {
                 Event::Reflect => {
                     for (t, f) in throughput.iter_mut().zip(boundary.reflectance.0) {

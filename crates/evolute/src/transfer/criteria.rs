@@ -60,10 +60,8 @@ impl Default for Criteria {
 impl SolidAngle {
     /// Whether a cell of this share of the domain is too large.
     pub fn divides(&self, corners: &[Option<FieldSample>; 4], area: f64) -> bool {
-        let (sum, count) = corners
-            .iter()
-            .flatten()
-            .fold((0.0, 0.0), |(s, n), c| (s + c.solid_angle, n + 1.0));
+        let (sum, count) =
+            corners.iter().flatten().fold((0.0, 0.0), |(s, n), c| (s + c.solid_angle, n + 1.0));
         count > 0.0 && sum / count * area > self.largest
     }
 }

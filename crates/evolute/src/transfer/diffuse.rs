@@ -7,7 +7,6 @@ use super::shaft::MAX_CORNERS;
 use crate::geometry::{Point3, Vector3, math};
 use crate::surface::Surface;
 
-
 /// The corners of the parts of a lamp that are flat convex polygons, in an order that is
 /// counter-clockwise seen from the emitting side; `None` for a curved lamp.
 pub fn polygons(surface: &Surface) -> Option<Vec<ArrayVec<Point3, MAX_CORNERS>>> {
@@ -110,10 +109,8 @@ mod tests {
     /// The horizon cuts a square in half.
     #[test]
     fn horizon_clips() {
-        let receiver = |n| Receiver {
-            position: Point3::origin(),
-            normal: UnitVector3::new_normalize(n),
-        };
+        let receiver =
+            |n| Receiver { position: Point3::origin(), normal: UnitVector3::new_normalize(n) };
         let whole = lambert(&receiver(Vector3::new(1e-9, 1.0, 0.0)), &square(1.0, 1.0));
         let half = lambert(&receiver(Vector3::x()), &square(1.0, 1.0));
         assert!(whole > half && half > 0.0);

@@ -85,7 +85,11 @@ impl<'s> Domain<'s> {
                 let axis = if distance > 0.0 { radial / distance } else { Vector3::z() };
                 let (e1, e2) = tangent_frame(&nalgebra::Unit::new_unchecked(axis));
                 if distance > s.radius() && !on_surface {
-                    vec![with(Kind::SphereFromOutside { sphere: s, frame: [e1, e2, -axis], distance })]
+                    vec![with(Kind::SphereFromOutside {
+                        sphere: s,
+                        frame: [e1, e2, -axis],
+                        distance,
+                    })]
                 } else {
                     vec![with(Kind::SphereFromInside { sphere: s, frame: [e1, e2, axis] })]
                 }
@@ -95,12 +99,15 @@ impl<'s> Domain<'s> {
                 let axis = c.axis();
                 let across = offset - axis.into_inner() * offset.dot(&axis);
                 let rho = across.norm();
-                let e1 = if rho > 1e-12 * c.radius() { across / rho } else { tangent_frame(&axis).0 };
+                let e1 =
+                    if rho > 1e-12 * c.radius() { across / rho } else { tangent_frame(&axis).0 };
                 let frame = [e1, axis.cross(&e1)];
                 if rho > c.radius() && !on_surface {
                     let ratio = c.radius() / rho;
                     [false, true]
-                        .map(|far| with(Kind::CylinderFromOutside { cylinder: c, frame, ratio, far }))
+                        .map(|far| {
+                            with(Kind::CylinderFromOutside { cylinder: c, frame, ratio, far })
+                        })
                         .to_vec()
                 } else {
                     vec![with(Kind::CylinderFromInside { cylinder: c, frame })]
@@ -156,9 +163,10 @@ impl<'s> Domain<'s> {
                 let (p, q) = (a * (b * -1.0 + 1.0), b);
                 let [v0, v1, v2] = mesh.corners(*triangle);
                 let x = combine(&v0.coords, &[v1 - v0, v2 - v0], [p, q]);
-                let area = DualVector::constant(mesh.area_vector(*triangle) * 2.0)
-                    .scaled(b * -1.0 + 1.0);
-                let point = SurfacePoint { primitive: *triangle, p: p.v, q: q.v, x: Point3::from(x.v) };
+                let area =
+                    DualVector::constant(mesh.area_vector(*triangle) * 2.0).scaled(b * -1.0 + 1.0);
+                let point =
+                    SurfacePoint { primitive: *triangle, p: p.v, q: q.v, x: Point3::from(x.v) };
                 let local = mesh.local(&point)?;
                 let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
                 self.finish_with(x, area, n, point)
@@ -204,7 +212,8 @@ impl<'s> Domain<'s> {
             Kind::SphereFromInside { sphere, frame: [e1, e2, axis] } => {
                 let (theta, phi) = (a * PI, b * (2.0 * PI));
                 let across = combine(&Vector3::zeros(), &[*e1, *e2], [phi.cos(), phi.sin()]);
-                let n = DualVector::constant(*axis).scaled(theta.cos()) + across.scaled(theta.sin());
+                let n =
+                    DualVector::constant(*axis).scaled(theta.cos()) + across.scaled(theta.sin());
                 let r = sphere.radius();
                 let x = DualVector::constant(sphere.centre().coords) + n * r;
                 let area = n.scaled(theta.sin() * (2.0 * PI * PI * r * r));

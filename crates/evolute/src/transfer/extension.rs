@@ -55,7 +55,9 @@ pub fn meet(
         return Some(Meeting { t: hit.t, x, n, point: hit.anchor.point, apertures });
     }
     let (t, point) = match surface {
-        Surface::Rectangle(r) => on_plane(&central, &r.centre(), &r.normal(), r.world_from_object())?,
+        Surface::Rectangle(r) => {
+            on_plane(&central, &r.centre(), &r.normal(), r.world_from_object())?
+        }
         Surface::Disk(d) => on_plane(&central, &d.centre(), &d.normal(), d.world_from_object())?,
         Surface::Sphere(s) => {
             let t = if same {

@@ -134,7 +134,8 @@ pub fn sample_through(
     at: GridPoint,
 ) -> Option<FieldSample> {
     let departure = words.departure(word, at)?;
-    let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> = departure.arrival.edges.iter().copied().collect();
+    let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> =
+        departure.arrival.edges.iter().copied().collect();
     let outline = lamp.edges(&departure.ray);
     let on_lamp = outline.iter().all(|e| e.v > 0.0);
     edges.extend(outline);
@@ -158,8 +159,7 @@ fn sight(departure: &Departure, lamp: &Lamp, on_outline: bool) -> Sight {
         Visibility::Free => {}
     }
     let on_lamp = departure.next.as_ref().is_some_and(|h| {
-        h.anchor.shape == lamp.shape
-            && lamp.primitive.is_none_or(|p| p == h.anchor.point.primitive)
+        h.anchor.shape == lamp.shape && lamp.primitive.is_none_or(|p| p == h.anchor.point.primitive)
     });
     if !lamp.has_outline() {
         // The tracer alone knows; its hits on the back are told by the caller's radiance side.

@@ -75,15 +75,18 @@ impl Lamp {
         let lamp = |primitive, outline| Self { shape, primitive, radiance, outline };
         let planar = |t: &Transform, normal: Vector3| {
             let axis = |v| t.vector(&v);
-            Frame::new(t.point(&Point3::origin()).coords, axis(Vector3::x()), axis(Vector3::y()), normal)
+            Frame::new(
+                t.point(&Point3::origin()).coords,
+                axis(Vector3::x()),
+                axis(Vector3::y()),
+                normal,
+            )
         };
         match &emitter.surface {
-            Surface::Rectangle(r) => {
-                match planar(r.world_from_object(), r.normal().into_inner()) {
-                    Some(frame) => vec![lamp(None, Outline::Square(frame))],
-                    None => Vec::new(),
-                }
-            }
+            Surface::Rectangle(r) => match planar(r.world_from_object(), r.normal().into_inner()) {
+                Some(frame) => vec![lamp(None, Outline::Square(frame))],
+                None => Vec::new(),
+            },
             Surface::Disk(d) => match planar(d.world_from_object(), d.normal().into_inner()) {
                 Some(frame) => vec![lamp(None, Outline::Disc(frame))],
                 None => Vec::new(),

@@ -191,8 +191,15 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     fn place(&mut self, term: u32, level: u32, i: u32, j: u32, tolerance: f64) {
         self.counts.cells += 1;
         let estimate = self.estimate(term as usize, level, i, j, tolerance);
-        let mut cell =
-            Cell { term, level, i, j, integral: estimate.integral, error: estimate.error, leaf: true };
+        let mut cell = Cell {
+            term,
+            level,
+            i,
+            j,
+            integral: estimate.integral,
+            error: estimate.error,
+            leaf: true,
+        };
         if estimate.divide && level < LAST_LEVEL {
             return self.divide(&cell, tolerance);
         }
@@ -302,8 +309,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
                 let (value, slope) = residual(&patch, &(s.weight[c] * area), h);
                 patch.add_bump(value);
                 let share = if channels == 1 { 1.0 } else { LUMINANCE[c] };
-                weight_residual +=
-                    share * LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
+                weight_residual += share * LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
             }
             weights.push(patch);
         }
@@ -333,8 +339,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
                 (Rgb(v) * radiance).luminance()
             }
         };
-        let full: [f64; 3] =
-            std::array::from_fn(|c| weights.get(c).map_or(0.0, |w| w.integral()));
+        let full: [f64; 3] = std::array::from_fn(|c| weights.get(c).map_or(0.0, |w| w.integral()));
         let straight = if tolerance > 0.0 {
             CUT_SHARE * tolerance / radiance.luminance().max(f64::MIN_POSITIVE)
         } else {
@@ -468,8 +473,7 @@ fn hermite(
     pick: impl Fn(&FieldSample) -> Dual,
 ) -> Patch {
     const AT: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
-    let known: [Option<Dual>; 4] =
-        std::array::from_fn(|k| corners[k].as_ref().map(&pick));
+    let known: [Option<Dual>; 4] = std::array::from_fn(|k| corners[k].as_ref().map(&pick));
     let data: [Dual; 4] = std::array::from_fn(|k| {
         known[k].unwrap_or_else(|| {
             let (mut sum, mut count) = (Dual::default(), 0.0);

@@ -40,7 +40,10 @@ pub struct TransferSettings {
 
 impl Default for TransferSettings {
     fn default() -> Self {
-        Self { relative: 1e-2, absolute: 0.0, max_specular: 256,
+        Self {
+            relative: 1e-2,
+            absolute: 0.0,
+            max_specular: 256,
             criteria: Criteria::default(),
             // Some hundred times what an ordinary receiver takes at 1e-3.
             max_cells: 40_000,

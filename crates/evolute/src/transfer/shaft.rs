@@ -34,6 +34,7 @@ impl Body {
             Surface::Mesh(m) => (hull(&m.corners(primitive)), m.normals().is_none()),
             Surface::Rectangle(r) => (hull(&r.corners()), true),
             Surface::Sphere(s) => (Self::Ball(s.centre().coords, s.radius()), true),
+            Surface::Parametric(p) => (hull(&p.leaf_bounds(primitive as usize).corners()), false),
             other => (hull(&other.bounds().corners()), false),
         }
     }
@@ -82,23 +83,23 @@ impl Shaft {
                     from >= high - slack || to <= low + slack
                 };
                 self.normals.iter().any(separates)
-                    || (own_edges.len() == 3 && points.len() == 8 && own_edges.iter().any(separates))
+                    || (own_edges.len() == 3
+                        && points.len() == 8
+                        && own_edges.iter().any(separates))
                     || (points.len() < 8 && separates(&own_edges[0].cross(&own_edges[1])))
-                    || self
-                        .edges
-                        .iter()
-                        .any(|e| own_edges.iter().any(|f| {
+                    || self.edges.iter().any(|e| {
+                        own_edges.iter().any(|f| {
                             let axis = e.cross(f);
                             axis.norm_squared() > 0.0 && separates(&axis)
-                        }))
+                        })
+                    })
             }
             Body::Ball(centre, radius) => {
                 let separates = |axis: &Vector3| {
                     let length = axis.norm();
                     let (low, high) = self.extent(axis);
                     let at = centre.dot(axis);
-                    length > 0.0
-                        && (at - radius * length >= high || at + radius * length <= low)
+                    length > 0.0 && (at - radius * length >= high || at + radius * length <= low)
                 };
                 // Faces, edges (the plane through an edge that faces the centre) and corners.
                 self.normals.iter().any(separates)

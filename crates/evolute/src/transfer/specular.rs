@@ -1,5 +1,6 @@
 //! One receiver's light: terms in order of depth, then the queue over all their cells.
 
+use super::Transfer;
 use super::chain::{Event, Visibility};
 use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
@@ -8,7 +9,6 @@ use super::quadrature::{FIRST_LEVEL, Quadrature, Term};
 use super::settings::{Components, Receiver, ReceiverLight, WordShare};
 use super::shaft::suspects;
 use super::word::{GRID_BITS, GridPoint, WordId, Words};
-use super::Transfer;
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
 use crate::surface::Surface;
@@ -110,8 +110,14 @@ impl<'s> Transfer<'s> {
             if let Some(parts) = polygons(&shape.surface) {
                 let mut all = Some(Vec::new());
                 for corners in parts.iter().filter(|c| lambert(receiver, c) > 0.0) {
-                    let found =
-                        suspects(self.scene, self.tracer, &receiver.position, id, corners, MAX_SUSPECTS);
+                    let found = suspects(
+                        self.scene,
+                        self.tracer,
+                        &receiver.position,
+                        id,
+                        corners,
+                        MAX_SUSPECTS,
+                    );
                     match (found, &mut all) {
                         (Some(found), Some(all)) => all.extend(found),
                         _ => all = None,
@@ -127,8 +133,7 @@ impl<'s> Transfer<'s> {
             }
             let on_surface = contacts.iter().any(|c| c.shape == id);
             for domain in Domain::of(&shape.surface, &receiver.position, on_surface) {
-                let field =
-                    DirectField::new(domain, id, *receiver, self.tracer, hidden_by.clone());
+                let field = DirectField::new(domain, id, *receiver, self.tracer, hidden_by.clone());
                 quadrature.add(Term::Direct(Box::new(field), shape.radiance), 0.0);
             }
         }

@@ -164,11 +164,10 @@ impl<'s> Words<'s> {
         let material = &self.scene.shape(step.shape).material;
         let side = if step.front { &material.front } else { &material.back };
         let same = |c: &crate::geometry::Rgb| c[0] == c[1] && c[1] == c[2];
-        let grey = grey
-            && side.mirror.as_ref().is_none_or(|m| {
+        let grey =
+            grey && side.mirror.as_ref().is_none_or(|m| {
                 same(&m.weight) && m.conductor.as_ref().is_none_or(|(e, k)| same(e) && same(k))
-            })
-            && material
+            }) && material
                 .dielectric
                 .as_ref()
                 .is_none_or(|d| same(&d.reflectance) && same(&d.transmittance));
