@@ -1,0 +1,390 @@
+//! Irradiance over the film: computed at the nodes of a quadtree of blocks of pixels, refined until
+//! interpolation between them is as good as computing.
+//!
+//! A node is a point of the film; it keeps the diffuse surfaces that the eye sees there and their
+//! irradiance. Between the corners of a block, irradiance on the same surface seen the same way is
+//! interpolated; which surfaces are seen is never interpolated but asked of the tracer at every
+//! sample. A block is split
+//! - where its corners see different things, down to pixels (below that, outlines need no irradiance
+//!   of their own),
+//! - where radiance differs much between corners, where it bends between nodes in a row, or where a
+//!   node that a neighbour already has on a common edge disagrees with the interpolation, down to a
+//!   quarter of a pixel.
+//!
+//! The last rule follows a caustic or a shadow edge from block to block wherever it was found once.
+//! A feature that is narrower than the coarsest spacing and shorter than a few of them can be
+//! missed. Nodes are pure functions of their place, and blocks are judged in rounds in a fixed
+//! order: the result does not depend on the number of threads.
+
+use std::collections::{HashMap, HashSet};
+
+use rayon::prelude::*;
+
+use crate::geometry::Rgb;
+use crate::transfer::Counts;
+
+use super::tree::{Leaf, Sight};
+use super::{Control, Order, View};
+
+/// Units of the lattice's coordinates in a pixel: the finest nodes are a quarter of a pixel apart,
+/// so that a hard edge of light across a pixel is seen in sixteenths.
+pub(super) const UNITS: u32 = 4;
+
+/// Blocks of level 0 have this size [units]: 8 pixels. They are coarse so that a run that is stopped
+/// early shows something everywhere.
+const COARSEST: u32 = 8 * UNITS;
+
+/// Level of blocks of one pixel, of the finest blocks, and of those that every part of the film is
+/// split into: 4 pixels, the widest spacing that still meets the narrow caustics of a picture of
+/// usual size somewhere along their length.
+const PIXEL: u8 = 3;
+const FINEST: u8 = 5;
+const ALWAYS: u8 = 1;
+
+/// Contrast between corners above which a block of a level is split, in tolerances. Interpolation
+/// errors go with the second difference, of which large first differences warn; below a pixel only
+/// what would show as a jagged edge is worth splitting.
+const CONTRAST: [f64; 5] = [0.0, 10.0, 12.0, 20.0, 40.0];
+
+/// Part of the picture's mean radiance below which differences do not count: a fiftieth of white
+/// paper's brightness is near black on a display.
+const DARK: f64 = 0.02;
+
+/// Cosine above which two normals belong to one face (18°).
+const SAME_FACE: f64 = 0.95;
+
+/// Nodes that are computed between two looks at the clock.
+const BATCH: usize = 512;
+
+/// A diffuse surface that is seen, and the light on it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lit {
+    pub leaf: Leaf,
+    /// Irradiance from lamps directly, and by specular chains [W/m²].
+    pub direct: Rgb,
+    pub specular: Rgb,
+}
+
+impl Lit {
+    /// Its part of the radiance at the eye [W/(m² sr)].
+    fn radiance(&self) -> Rgb {
+        self.leaf.radiance(self.direct + self.specular)
+    }
+}
+
+impl Leaf {
+    /// Radiance at the eye [W/(m² sr)] of an irradiance [W/m²]: E ρ/π.
+    pub(super) fn radiance(&self, irradiance: Rgb) -> Rgb {
+        irradiance * self.throughput * self.reflectance * std::f64::consts::FRAC_1_PI
+    }
+
+    /// Whether two rays see the same face in the same way.
+    fn same(&self, other: &Self) -> bool {
+        self.path == other.path && self.normal.dot(&other.normal) > SAME_FACE
+    }
+}
+
+/// A square of the film: place in multiples of its size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+struct Block {
+    level: u8,
+    x: u32,
+    y: u32,
+}
+
+impl Block {
+    fn size(&self) -> u32 {
+        COARSEST >> self.level
+    }
+
+    /// Corners in the order (0,0), (1,0), (0,1), (1,1) [units].
+    fn corners(&self) -> [(u32, u32); 4] {
+        let s = self.size();
+        let (x, y) = (self.x * s, self.y * s);
+        [(x, y), (x + s, y), (x, y + s), (x + s, y + s)]
+    }
+
+    fn parent(&self) -> Option<Self> {
+        (self.level > 0).then(|| Self { level: self.level - 1, x: self.x / 2, y: self.y / 2 })
+    }
+
+    fn children(&self) -> [Self; 4] {
+        let (x, y) = (2 * self.x, 2 * self.y);
+        [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| Self {
+            level: self.level + 1,
+            x,
+            y,
+        })
+    }
+}
+
+/// The irradiance over a film.
+#[derive(Default)]
+pub(super) struct Lattice {
+    nodes: HashMap<(u32, u32), Vec<Lit>>,
+    split: HashSet<Block>,
+    /// Film in units.
+    width: u32,
+    height: u32,
+    /// Differences of radiance below this count as equal [W/(m² sr)].
+    dark: f64,
+    /// Work of all receivers, how many there were, and how many missed their tolerance.
+    pub counts: Counts,
+    pub receivers: u64,
+    pub unmet: u64,
+    /// Whether everything that should be split was.
+    pub complete: bool,
+}
+
+impl Lattice {
+    /// Computes the lattice of a view.
+    pub fn build(view: &View<'_>, control: &Control<'_>) -> Self {
+        let mut lattice = Self {
+            width: view.width * UNITS,
+            height: view.height * UNITS,
+            complete: true,
+            ..Self::default()
+        };
+        let tolerance = view.tolerance();
+        let (columns, rows) = (lattice.width.div_ceil(COARSEST), lattice.height.div_ceil(COARSEST));
+        let mut pending: Vec<Block> =
+            (0..rows).flat_map(|y| (0..columns).map(move |x| Block { level: 0, x, y })).collect();
+        while !pending.is_empty() {
+            pending.sort_unstable();
+            pending.dedup();
+            if !lattice.compute_corners(&pending, view, control) {
+                lattice.complete = false;
+                break;
+            }
+            if lattice.dark == 0.0 {
+                lattice.dark = DARK * lattice.mean_radiance();
+            }
+            let splits: Vec<Block> =
+                pending.par_iter().copied().filter(|b| lattice.must_split(b, tolerance)).collect();
+            pending = lattice.apply(splits);
+        }
+        lattice
+    }
+
+    /// Computes the nodes at the corners of blocks where they are missing; `false` if told to stop.
+    fn compute_corners(
+        &mut self,
+        blocks: &[Block],
+        view: &View<'_>,
+        control: &Control<'_>,
+    ) -> bool {
+        let mut missing: Vec<(u32, u32)> = blocks
+            .iter()
+            .flat_map(Block::corners)
+            .filter(|at| !self.nodes.contains_key(at))
+            .collect();
+        missing.sort_unstable_by_key(|(x, y)| (*y, *x));
+        missing.dedup();
+        for (i, batch) in missing.chunks(BATCH).enumerate() {
+            if (control.order)() != Order::Go {
+                return false;
+            }
+            (control.progress)((i * BATCH) as u64, missing.len() as u64);
+            let computed: Vec<_> = batch
+                .par_iter()
+                .map(|(x, y)| {
+                    let (x, y) = (f64::from(*x), f64::from(*y));
+                    let unit = f64::from(UNITS);
+                    view.lit(&view.sight(x / unit, y / unit))
+                })
+                .collect();
+            for (at, (node, counts, unmet)) in batch.iter().zip(computed) {
+                self.counts += counts;
+                self.receivers += node.len() as u64;
+                self.unmet += unmet;
+                self.nodes.insert(*at, node);
+            }
+        }
+        true
+    }
+
+    /// Mean radiance of the nodes, the largest channel counting [W/(m² sr)].
+    fn mean_radiance(&self) -> f64 {
+        // Summed in the order of the film: a hash map has none.
+        let mut nodes: Vec<_> = self.nodes.iter().collect();
+        nodes.sort_unstable_by_key(|(at, _)| **at);
+        let sum: f64 = nodes.iter().map(|(_, node)| total(node).max()).sum();
+        sum / nodes.len().max(1) as f64
+    }
+
+    fn exists(&self, block: &Block) -> bool {
+        block.parent().is_none_or(|p| self.split.contains(&p))
+    }
+
+    fn on_film(&self, block: &Block) -> bool {
+        let s = block.size();
+        block.x * s < self.width && block.y * s < self.height
+    }
+
+    /// The neighbours on the film that share an edge.
+    fn neighbours(&self, b: &Block) -> impl Iterator<Item = Block> + use<'_> {
+        let b = *b;
+        [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(move |(dx, dy)| {
+            let block = Block {
+                level: b.level,
+                x: b.x.checked_add_signed(dx)?,
+                y: b.y.checked_add_signed(dy)?,
+            };
+            self.on_film(&block).then_some(block)
+        })
+    }
+
+    /// Splits blocks, and neighbours as far as needed to keep the sizes of neighbours within a factor
+    /// of two. Returns what is to be judged next: the children, and neighbours that now have a
+    /// node on their edge.
+    fn apply(&mut self, mut splits: Vec<Block>) -> Vec<Block> {
+        let mut next = Vec::new();
+        while let Some(block) = splits.pop() {
+            if let Some(parent) = block.parent().filter(|p| !self.split.contains(p)) {
+                splits.extend([block, parent]);
+                continue;
+            }
+            if !self.split.insert(block) {
+                continue;
+            }
+            next.extend(block.children().into_iter().filter(|b| self.on_film(b)));
+            let neighbours: Vec<Block> = self.neighbours(&block).collect();
+            for neighbour in neighbours {
+                if !self.exists(&neighbour) {
+                    splits.extend(neighbour.parent());
+                } else if !self.split.contains(&neighbour) {
+                    next.push(neighbour);
+                }
+            }
+        }
+        next.retain(|b| !self.split.contains(b));
+        next
+    }
+
+    fn must_split(&self, block: &Block, tolerance: f64) -> bool {
+        if block.level < ALWAYS {
+            return true;
+        }
+        if block.level >= FINEST || self.split.contains(block) {
+            return false;
+        }
+        let at = block.corners();
+        let [Some(a), Some(b), Some(c), Some(d)] = at.map(|p| self.nodes.get(&p)) else {
+            return false;
+        };
+        let corners = [a, b, c, d];
+        let level = corners.iter().map(|n| total(n).max()).fold(0.0, f64::max) + self.dark;
+        let small = tolerance * level;
+        let contrast = CONTRAST[usize::from(block.level)] * small;
+        for (k, corner) in corners.iter().enumerate() {
+            for lit in corner.iter().filter(|lit| lit.radiance().max() > small) {
+                for other in corners.iter().enumerate().filter(|(j, _)| *j != k).map(|o| o.1) {
+                    match find(other, &lit.leaf) {
+                        None if block.level < PIXEL => return true,
+                        Some(o) if distance(lit.radiance(), o.radiance()) > contrast => {
+                            return true;
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+        [(0, 1), (2, 3), (0, 2), (1, 3)]
+            .into_iter()
+            .any(|(i, j)| self.bends(at[i], at[j], corners[i], corners[j], small))
+    }
+
+    /// Whether the radiance of a surface seen at both ends of a block's side is not straight between
+    /// them, as far as other nodes tell.
+    fn bends(&self, p: (u32, u32), q: (u32, u32), a: &[Lit], b: &[Lit], small: f64) -> bool {
+        let middle = ((p.0 + q.0) / 2, (p.1 + q.1) / 2);
+        // A side of one unit has no middle.
+        let middle = self.nodes.get(&middle).filter(|_| middle != p && middle != q);
+        let beyond = |p: (u32, u32), q: (u32, u32)| {
+            let at = ((2 * q.0).checked_sub(p.0)?, (2 * q.1).checked_sub(p.1)?);
+            self.nodes.get(&at)
+        };
+        let (before, after) = (beyond(q, p), beyond(p, q));
+        a.iter().any(|lit| {
+            let Some(far) = find(b, &lit.leaf) else { return false };
+            let (x, y) = (lit.radiance(), far.radiance());
+            let at =
+                |node: Option<&Vec<Lit>>| node.and_then(|n| find(n, &lit.leaf)).map(Lit::radiance);
+            let in_middle = at(middle).is_some_and(|m| distance(m, (x + y) * 0.5) > 1.5 * small);
+            // Half a step aside, a parabola is off its chord by an eighth of the second difference.
+            let along = |m: Option<Rgb>, x: Rgb, y: Rgb| {
+                m.is_some_and(|m| distance(m + y, x * 2.0) > 8.0 * small)
+            };
+            in_middle || along(at(before), x, y) || along(at(after), y, x)
+        })
+    }
+
+    /// Whether the pixel (x, y) has nodes of its own inside.
+    pub fn finer_than_pixel(&self, x: u32, y: u32) -> bool {
+        self.split.contains(&Block { level: PIXEL, x, y })
+    }
+
+    /// Direct and specular irradiance at a leaf seen at (x, y) of the film [pixels]; `None` if no
+    /// corner of the block there sees the same.
+    pub fn irradiance(&self, x: f64, y: f64, leaf: &Leaf) -> Option<(Rgb, Rgb)> {
+        let (x, y) = (x * f64::from(UNITS), y * f64::from(UNITS));
+        let mut block = Block { level: 0, x: 0, y: 0 };
+        for level in 0..=FINEST {
+            let size = f64::from(COARSEST >> level);
+            block = Block { level, x: (x / size) as u32, y: (y / size) as u32 };
+            if !self.split.contains(&block) {
+                break;
+            }
+        }
+        let size = f64::from(block.size());
+        let (u, v) = (x / size - f64::from(block.x), y / size - f64::from(block.y));
+        let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+        let mut sum = 0.0;
+        let (mut direct, mut specular) = (Rgb::BLACK, Rgb::BLACK);
+        for (at, weight) in block.corners().into_iter().zip(weights) {
+            // A corner that alone sees the surface counts however far it is.
+            let weight = weight.max(1e-9);
+            if let Some(lit) = self.nodes.get(&at).and_then(|n| find(n, leaf)) {
+                direct += lit.direct * weight;
+                specular += lit.specular * weight;
+                sum += weight;
+            }
+        }
+        (sum > 0.0).then(|| (direct * (1.0 / sum), specular * (1.0 / sum)))
+    }
+
+    /// Number of nodes.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+}
+
+/// The leaf of a node that sees the same as another.
+fn find<'n>(node: &'n [Lit], leaf: &Leaf) -> Option<&'n Lit> {
+    node.iter().find(|lit| lit.leaf.same(leaf))
+}
+
+/// Radiance of all that is seen at a node.
+fn total(node: &[Lit]) -> Rgb {
+    node.iter().fold(Rgb::BLACK, |sum, lit| sum + lit.radiance())
+}
+
+/// Largest difference of a channel.
+fn distance(a: Rgb, b: Rgb) -> f64 {
+    (a - b).map(f64::abs).max()
+}
+
+impl View<'_> {
+    /// The leaves of a sight with the light on them, the work, and how many missed their tolerance.
+    pub(super) fn lit(&self, sight: &Sight) -> (Vec<Lit>, Counts, u64) {
+        let mut counts = Counts::default();
+        let mut unmet = 0;
+        let lit = sight.leaves.iter().map(|leaf| {
+            let light = (self.light)(leaf);
+            counts += light.counts;
+            unmet += u64::from(!light.met);
+            Lit { leaf: *leaf, direct: light.direct, specular: light.specular }
+        });
+        (lit.collect(), counts, unmet)
+    }
+}

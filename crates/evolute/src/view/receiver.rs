@@ -1,0 +1,54 @@
+//! Light on the diffuse surfaces that the eye sees.
+
+use crate::scene::Scene;
+use crate::trace::Tracer;
+use crate::transfer::{Components, Receiver, ReceiverLight, Transfer, TransferSettings};
+
+use super::tree::Leaf;
+
+/// Computes irradiance at leaves. A scene's `max_depth` limits the chain from the lamp together with
+/// the chain to the eye, so there is one transfer for each length that may be left over.
+pub(super) struct Lighting<'s> {
+    /// By the longest chain allowed from the lamp; one only if nothing limits them jointly.
+    transfers: Vec<Transfer<'s>>,
+    /// `max_depth` − 1: most interactions of a whole path, the diffuse one included.
+    interactions: Option<u32>,
+}
+
+impl<'s> Lighting<'s> {
+    pub fn new(scene: &'s Scene, tracer: &'s Tracer<'s>, settings: &TransferSettings) -> Self {
+        let with = |max_specular| {
+            Transfer::new(scene, tracer, TransferSettings { max_specular, ..*settings })
+        };
+        let interactions = scene.max_depth.map(|d| d.saturating_sub(1));
+        let transfers = match interactions {
+            // The diffuse interaction takes one.
+            Some(n) if n.saturating_sub(1) < settings.max_specular => {
+                (0..=n.saturating_sub(1)).map(with).collect()
+            }
+            _ => vec![with(settings.max_specular)],
+        };
+        Self { transfers, interactions }
+    }
+
+    /// Longest chain to the eye that ends on a lamp [interactions].
+    pub fn longest_sight(&self, max_specular: u32) -> u32 {
+        self.interactions.map_or(max_specular, |n| n.min(max_specular))
+    }
+
+    /// Direct and specular irradiance at a leaf.
+    pub fn light(&self, leaf: &Leaf) -> ReceiverLight {
+        let both = Components { direct: true, specular: true };
+        let receiver = Receiver { position: leaf.position, normal: leaf.normal };
+        // What the chain to the eye and the diffuse interaction leave for the chain from the lamp.
+        let left = match self.interactions {
+            None => u32::MAX,
+            Some(n) if n <= leaf.depth => return ReceiverLight { met: true, ..Default::default() },
+            Some(n) => n - leaf.depth - 1,
+        };
+        let components = Components { specular: left > 0, ..both };
+        let longest = self.transfers.len() - 1;
+        let transfer = &self.transfers[longest.min(usize::try_from(left).unwrap_or(longest))];
+        transfer.light(&receiver, components)
+    }
+}

@@ -1,0 +1,222 @@
+//! What the eye sees along one ray: a tree through mirrors and boundaries down to diffuse surfaces.
+//!
+//! At a boundary both branches are followed; a mirror with a diffuse part contributes that part and
+//! the chain goes on. Radiance crosses a boundary from n₂ into n₁ by the factor T (n₁/n₂)². A branch
+//! ends on a surface that sends nothing on, in the open, after the longest chain allowed, or where its
+//! throughput falls below a bound; what the last two cut off is added up.
+
+use crate::geometry::{Point3, Ray, Rgb, UnitVector3};
+use crate::optics::{
+    ConductorIndex, DielectricBoundary, Interaction, reflect_direction, refract_direction,
+};
+use crate::scene::{Mirror, Scene, ShapeId};
+use crate::surface::LocalGeometry;
+use crate::trace::{Anchor, Tracer};
+
+use super::camera::CameraRay;
+
+/// Where branches end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Limits {
+    /// Longest chain between the eye and a diffuse surface or a lamp [interactions].
+    pub max_specular: u32,
+    /// Branches of less throughput (the largest channel) are cut.
+    pub throughput: f64,
+    /// Diffuse surfaces that are seen with less throughput than this are cut.
+    pub diffuse_throughput: f64,
+    /// Whether lamps are seen at all (a `max_depth` of 0 forbids even that).
+    pub lamps: bool,
+}
+
+/// A diffuse surface that is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Leaf {
+    /// Identifies the shapes met on the way and what happened there: two rays with the same path
+    /// saw the same thing the same way.
+    pub path: u64,
+    /// Interactions before it.
+    pub depth: u32,
+    /// The point [m].
+    pub position: Point3,
+    /// The normal on the side that is seen.
+    pub normal: UnitVector3,
+    /// Fraction of the surface's radiance that arrives, the ratio of n² included.
+    pub throughput: Rgb,
+    /// Diffuse reflectance on the side that is seen.
+    pub reflectance: Rgb,
+    /// Length of the path from the pinhole [m].
+    pub distance: f64,
+}
+
+/// What one ray sees.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Sight {
+    /// Diffuse surfaces in the order of the tree, the reflected branch first.
+    pub leaves: Vec<Leaf>,
+    /// Radiance of lamps seen [W/(m² sr)].
+    pub emitted: Rgb,
+    /// Identifies everything that was met: differs from a neighbour's where an outline lies between.
+    pub signature: u64,
+    /// Throughput of the branches that were cut (largest channel).
+    pub cut: f64,
+    /// Rays traced.
+    pub rays: u64,
+}
+
+/// A ray still to be traced.
+struct Branch {
+    ray: Ray,
+    length: f64,
+    start: Option<Anchor>,
+    throughput: Rgb,
+    path: u64,
+    depth: u32,
+    distance: f64,
+}
+
+/// Follows `first` through the scene.
+pub(super) fn sight(tracer: &Tracer<'_>, first: &CameraRay, limits: &Limits) -> Sight {
+    let scene = tracer.scene();
+    let mut sight = Sight { signature: SEED, ..Sight::default() };
+    let mut branches = vec![Branch {
+        ray: first.ray(),
+        length: first.length,
+        start: None,
+        throughput: Rgb::WHITE,
+        path: SEED,
+        depth: 0,
+        distance: first.travelled,
+    }];
+    while let Some(branch) = branches.pop() {
+        sight.rays += 1;
+        let Some(hit) = tracer.nearest(&branch.ray, branch.length, branch.start.as_slice()) else {
+            sight.signature = mixed(sight.signature, branch.path);
+            continue;
+        };
+        let shape = scene.shape(hit.anchor.shape);
+        let distance = branch.distance + hit.t;
+        let Some(local) = shape.surface.local(&hit.anchor.point) else {
+            // A point without a normal (a degenerate corner) sends nothing to anyone.
+            continue;
+        };
+        let seen = Seen::new(hit.anchor, &local, &branch.ray);
+        let path = mixed(branch.path, 2 * u64::from(hit.anchor.shape.0) + u64::from(seen.front));
+        sight.signature = mixed(sight.signature, path);
+        if seen.front && limits.lamps {
+            sight.emitted += branch.throughput * shape.radiance;
+        }
+        let side = if seen.front { shape.material.front } else { shape.material.back };
+        if !side.diffuse.is_black() {
+            if branch.throughput.max() >= limits.diffuse_throughput {
+                sight.leaves.push(Leaf {
+                    path,
+                    depth: branch.depth,
+                    position: hit.anchor.point.x,
+                    normal: seen.normal,
+                    throughput: branch.throughput,
+                    reflectance: side.diffuse,
+                    distance,
+                });
+            } else {
+                sight.cut += branch.throughput.max();
+            }
+        }
+        // The refracted branch is put on the pile first, so that it is taken second.
+        for (interaction, direction, factor) in seen.branches(scene) {
+            let throughput = branch.throughput * factor;
+            if throughput.max() <= 0.0 {
+                continue;
+            }
+            if throughput.max() < limits.throughput || branch.depth >= limits.max_specular {
+                sight.cut += throughput.max();
+                continue;
+            }
+            branches.push(Branch {
+                ray: Ray::new(hit.anchor.point.x, direction.into_inner()),
+                length: f64::INFINITY,
+                start: Some(hit.anchor),
+                throughput,
+                path: mixed(path, u64::from(interaction == Interaction::Refraction)),
+                depth: branch.depth + 1,
+                distance,
+            });
+        }
+    }
+    sight
+}
+
+/// A surface as a ray meets it.
+struct Seen {
+    shape: ShapeId,
+    /// Whether it is the front (the normal's side).
+    front: bool,
+    /// The normal on the side that is seen.
+    normal: UnitVector3,
+    direction: UnitVector3,
+    /// Cosine of the angle of incidence, > 0.
+    cos_i: f64,
+}
+
+impl Seen {
+    fn new(anchor: Anchor, local: &LocalGeometry, ray: &Ray) -> Self {
+        let front = local.ng.dot(&ray.direction) < 0.0;
+        let normal = if front { local.n } else { -local.n };
+        let direction = UnitVector3::new_unchecked(ray.direction);
+        Self { shape: anchor.shape, front, normal, direction, cos_i: -normal.dot(&direction) }
+    }
+
+    /// Where light goes on specularly, and the factor on radiance: the refraction, if any, first.
+    fn branches(
+        &self,
+        scene: &Scene,
+    ) -> impl Iterator<Item = (Interaction, UnitVector3, Rgb)> + use<> {
+        let material = &scene.shape(self.shape).material;
+        let mut reflected = Rgb::BLACK;
+        let mut refracted = None;
+        // On meshes with vertex normals the cosine with the shading normal can have the wrong sign.
+        if self.cos_i > 0.0 {
+            if let Some(boundary) = &material.dielectric {
+                let (inside, outside) = (boundary.interior_ior, boundary.exterior_ior);
+                let (n1, n2) = if self.front { (outside, inside) } else { (inside, outside) };
+                let fresnel = DielectricBoundary { n1, n2 };
+                let (reflectance, transmittance) = fresnel.split(self.cos_i);
+                reflected += boundary.reflectance * reflectance;
+                refracted = refract_direction(&self.direction, &self.normal, n1, n2).map(|r| {
+                    let factor = transmittance * (n1 / n2) * (n1 / n2);
+                    (Interaction::Refraction, r.direction, boundary.transmittance * factor)
+                });
+            }
+            let side = if self.front { &material.front } else { &material.back };
+            if let Some(mirror) = &side.mirror {
+                reflected += mirror_reflectance(mirror, self.cos_i);
+            }
+        }
+        let direction = reflect_direction(&self.direction, &self.normal);
+        let reflection =
+            (!reflected.is_black()).then_some((Interaction::Reflection, direction, reflected));
+        refracted.into_iter().chain(reflection)
+    }
+}
+
+/// Reflected fraction of the flux a channel.
+fn mirror_reflectance(mirror: &Mirror, cos_i: f64) -> Rgb {
+    match &mirror.conductor {
+        None => mirror.weight,
+        Some((eta, k)) => {
+            let fresnel =
+                std::array::from_fn(|i| ConductorIndex { eta: eta[i], k: k[i] }.reflectance(cos_i));
+            mirror.weight * Rgb(fresnel)
+        }
+    }
+}
+
+/// Any odd number does; this one is 2⁶⁴ over the golden ratio.
+const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// A hash of a history and what comes next (the finaliser of MurmurHash3 over their sum).
+fn mixed(history: u64, next: u64) -> u64 {
+    let mut x = history.rotate_left(5).wrapping_add(next).wrapping_mul(SEED);
+    x = (x ^ (x >> 33)).wrapping_mul(0xff51_afd7_ed55_8ccd);
+    x = (x ^ (x >> 33)).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+    x ^ (x >> 33)
+}
