@@ -34,7 +34,7 @@ pub struct Shape {
 }
 
 /// What a surface does to light that meets it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// On the normal's side.
     pub front: SideMaterial,
