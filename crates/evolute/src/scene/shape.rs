@@ -21,7 +21,10 @@ pub(super) fn shape(
 ) -> Checked<Shape> {
     let surface = surface(description, object)?;
     let bounds = surface.bounds();
-    let far = bounds.corners().iter().any(|p| p.coords.iter().any(|x| x.is_nan() || x.abs() > MAX_COORDINATE));
+    let far = bounds
+        .corners()
+        .iter()
+        .any(|p| p.coords.iter().any(|x| x.is_nan() || x.abs() > MAX_COORDINATE));
     if far {
         return Err(Complaint::at(
             object.place("to_world"),

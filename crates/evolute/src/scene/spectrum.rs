@@ -93,7 +93,10 @@ pub(super) fn table(content: &str, name: &Text) -> Checked<Spectrum> {
         match numbers.as_deref() {
             Some([wavelength, value]) => push(&mut samples, *wavelength, *value).map_err(say)?,
             _ => {
-                return Err(say(format!("{} is no pair of a wavelength and a value", quoted(line))));
+                return Err(say(format!(
+                    "{} is no pair of a wavelength and a value",
+                    quoted(line)
+                )));
             }
         }
     }
