@@ -1,8 +1,8 @@
 //! shape plugins → [`Shape`]s.
 
 use crate::formula::{Formula, check_constant_name};
-use crate::geometry::{Point3, Rgb};
-use crate::surface::{Cylinder, Disk, Mesh, Rectangle, Sphere, Surface, SurfaceError};
+use crate::geometry::{Point3, Rgb, Transform};
+use crate::surface::{Cylinder, Disk, Mesh, Parametric, Rectangle, Sphere, Surface, SurfaceError};
 
 use super::description::{Kind, Object, SceneDescription};
 use super::material::Materials;
@@ -95,12 +95,12 @@ fn surface(description: &SceneDescription, object: &Object) -> Checked<Surface> 
                 .map_err(refused("to_world"))
         }
         "obj" | "ply" => mesh_file::mesh(description, object, to_world, flip).map(Surface::Mesh),
-        _ => parametric(object),
+        _ => parametric(object, to_world, flip),
     }
 }
 
 /// A surface by formulas of s and t.
-fn parametric(object: &Object) -> Checked<Surface> {
+fn parametric(object: &Object, to_world: Transform, flip_normals: bool) -> Checked<Surface> {
     let names = ["x", "y", "z", "to_world", "flip_normals"];
     let constants = object.constants(&names)?;
     for property in &object.properties {
@@ -120,8 +120,10 @@ fn parametric(object: &Object) -> Checked<Surface> {
         Formula::parse(&text.value, &PARAMETERS, &constants)
             .map_err(|error| Complaint::at(text.locate(error.span), error.message))
     };
-    let [_x, _y, _z] = [formula("x")?, formula("y")?, formula("z")?];
-    Err(Complaint::at(object.plugin.span, "\"parametric\" is not known here yet"))
+    let [x, y, z] = [formula("x")?, formula("y")?, formula("z")?];
+    Parametric::new(x, y, z, to_world, flip_normals)
+        .map(Surface::Parametric)
+        .map_err(|error| Complaint::at(object.span, error.to_string()))
 }
 
 /// The variables of a parametric surface.
