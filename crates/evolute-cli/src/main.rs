@@ -1,1 +1,71 @@
-fn main() {}
+//! The `evolute` program: one file per verb. The only place that prints.
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
+mod check;
+mod failure;
+mod options;
+mod points;
+mod probe;
+mod progress;
+mod render;
+mod session;
+mod summary;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use failure::Failure;
+use summary::Summary;
+
+/// Where light goes in scenes with curved mirrors and lenses: deterministic, with an error figure.
+#[derive(Parser)]
+#[command(name = "evolute", version, arg_required_else_help = true, after_help = EXAMPLES)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  evolute render                                  draws the built-in scene: room.exr and room.png
+  evolute probe desk.xml --points grid.csv        irradiance at the points of a table
+  evolute check desk.xml                          reads a scene and says what is in it
+
+Exit status: 0 done; 1 the input is wrong; 2 wrong command line; 3 stopped by a limit that was asked
+for, the result is written; 130 interrupted.";
+
+#[derive(Subcommand)]
+enum Verb {
+    Render(render::Arguments),
+    Probe(probe::Arguments),
+    Check(check::Arguments),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let (name, common) = match &cli.verb {
+        Verb::Render(a) => ("render", &a.common),
+        Verb::Probe(a) => ("probe", &a.common),
+        Verb::Check(a) => ("check", &a.common),
+    };
+    let mut summary = Summary::new(name);
+    let result = session::set_up(common).and_then(|()| match &cli.verb {
+        Verb::Render(a) => render::run(a, &mut summary),
+        Verb::Probe(a) => probe::run(a, &mut summary),
+        Verb::Check(a) => check::run(a, &mut summary),
+    });
+    let status = match &result {
+        Ok(()) => 0,
+        Err(failure) => {
+            eprintln!("{}", failure.message());
+            summary.set("error", failure.message());
+            failure.status()
+        }
+    };
+    if matches!(result, Err(Failure::Usage(_))) {
+        return ExitCode::from(status);
+    }
+    summary.finish(status, common);
+    ExitCode::from(status)
+}

@@ -1,0 +1,44 @@
+//! How a run can end other than well.
+
+/// What went wrong, by exit status.
+#[derive(Debug)]
+pub enum Failure {
+    /// 1: the input is wrong, or the output cannot be written. Nothing was written.
+    Input(String),
+    /// 2: the command line asks for what cannot be.
+    Usage(String),
+    /// 3: a limit of the user's came before the accuracy was met. The result is written.
+    Limit(String),
+    /// 130: Ctrl-C. Nothing was written.
+    Interrupted,
+}
+
+impl Failure {
+    /// The exit status.
+    pub fn status(&self) -> u8 {
+        match self {
+            Self::Input(_) => 1,
+            Self::Usage(_) => 2,
+            Self::Limit(_) => 3,
+            Self::Interrupted => 130,
+        }
+    }
+
+    /// What to tell the user.
+    pub fn message(&self) -> String {
+        match self {
+            Self::Input(text) | Self::Usage(text) | Self::Limit(text) => {
+                // Messages that quote the scene start with `error` themselves.
+                let text = text.trim_end();
+                if text.starts_with("error") { text.into() } else { format!("error: {text}") }
+            }
+            Self::Interrupted => "interrupted; nothing was written".into(),
+        }
+    }
+}
+
+impl From<evolute::output::OutputError> for Failure {
+    fn from(e: evolute::output::OutputError) -> Self {
+        Self::Input(e.to_string())
+    }
+}

@@ -1,0 +1,229 @@
+//! `evolute render`: a picture of a scene.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::json;
+
+use evolute::output::{
+    Exposure, ExrAttributes, Raster, check_target, encode_exr, encode_png, encode_radiance,
+    replace_file,
+};
+use evolute::trace::Tracer;
+use evolute::view::{Control, Order, Picture, ViewSettings};
+
+use crate::failure::Failure;
+use crate::options::{self, Common};
+use crate::progress::Progress;
+use crate::session::{self, Deadline};
+use crate::summary::Summary;
+
+/// Draws a scene: direct light and caustics, seen through mirrors and glass
+///
+/// EXR holds radiance in W/(m² sr) as layers: R,G,B is the sum of direct (light that came to the last
+/// diffuse surface straight from lamps), specular (by mirrors and lenses) and emitted (lamps seen).
+/// Z is the length of the path to the first diffuse surface in m, N its normal, irradiance what it
+/// receives in W/m². PNG and Radiance .hdr hold the sum.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  evolute render                                 writes room.exr and room.png here
+  evolute render desk.xml -o desk.png --size 1280x960 --exposure -1")]
+pub struct Arguments {
+    /// The scene: Mitsuba 3 XML [default: the built-in room]
+    scene: Option<PathBuf>,
+    /// Where the picture goes [default: NAME.exr and NAME.png in the current folder]
+    #[arg(short = 'o', long, value_name = "FILE.exr|.png|.hdr")]
+    output: Option<PathBuf>,
+    /// Columns and rows of the picture [default: the scene's film]
+    #[arg(long, value_name = "WxH", value_parser = options::size)]
+    size: Option<(u32, u32)>,
+    /// Brightness of the PNG: radiance times 2^EV, 1 being nearly white [default: found from the
+    /// picture, and told]
+    #[arg(long, value_name = "EV", value_parser = options::stops, allow_hyphen_values = true)]
+    exposure: Option<f64>,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// The kinds of files.
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Exr,
+    Png,
+    Radiance,
+}
+
+/// Runs the verb.
+pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> {
+    let common = &arguments.common;
+    let files = targets(arguments)?;
+    for (path, _) in &files {
+        check_target(path)?;
+    }
+    let deadline = Deadline::new(common);
+    let scene = match &arguments.scene {
+        Some(path) => session::load(path, common, summary)?,
+        None => session::load_built_in(common, summary)?,
+    };
+    let Some(sensor) = scene.sensors.first() else {
+        return Err(Failure::Input(
+            "the scene has no sensor, so there is nothing to look from; add \
+             <sensor type=\"perspective\">"
+                .into(),
+        ));
+    };
+    let tracer = Tracer::new(&scene);
+    let transfer = session::transfer_settings(&scene, common);
+    let settings = ViewSettings { transfer, size: arguments.size };
+    summary.lap("prepare");
+
+    let progress = Progress::new(common, "picture", 0);
+    let control = Control {
+        order: &|| {
+            if session::interrupted() {
+                Order::Abandon
+            } else if deadline.passed() {
+                Order::Finish
+            } else {
+                Order::Go
+            }
+        },
+        progress: &|done, total| progress.set(done, total),
+    };
+    let picture = evolute::view::render(&scene, &tracer, sensor, &settings, &control);
+    drop(progress);
+    let picture = picture.ok_or(Failure::Interrupted)?;
+    let seconds = summary.lap("compute");
+    summary.counts(picture.receivers, &picture.counts);
+    summary.set("receivers_unmet", picture.unmet);
+    summary.set("accuracy", transfer.relative);
+    summary.set("accuracy_abs", transfer.absolute);
+    summary.set("camera", json!({
+        "nodes": picture.nodes, "samples": picture.samples, "rays": picture.rays, "cut": picture.cut,
+    }));
+    session::detail(
+        common,
+        &format!(
+            "{} × {} pixels, {} receivers, {} chains, {} samples in {seconds:.1} s",
+            picture.width,
+            picture.height,
+            picture.receivers,
+            picture.counts.chains,
+            picture.samples
+        ),
+    );
+
+    let raster = raster(&picture, common.unit_factor());
+    let mut encoded = Vec::new();
+    for (path, format) in &files {
+        let bytes = match format {
+            Format::Exr => encode_exr(&raster, &attributes(&scene.name, common))?,
+            Format::Radiance => encode_radiance(&raster)?,
+            Format::Png => {
+                let exposure = exposure(arguments, &raster);
+                summary.set("exposure", exposure.ev);
+                if arguments.exposure.is_none() {
+                    session::detail(common, &format!("--exposure {}", exposure.ev));
+                }
+                encode_png(&raster, exposure)?
+            }
+        };
+        encoded.push((path, bytes));
+    }
+    for (path, bytes) in encoded {
+        replace_file(path, &bytes)?;
+        session::detail(common, &format!("wrote {}", path.display()));
+        summary.file(path);
+    }
+    summary.lap("write");
+    if picture.unmet > 0 {
+        session::note(
+            common,
+            &format!(
+                "{} of {} receivers did not reach their tolerance",
+                picture.unmet, picture.receivers
+            ),
+        );
+    }
+    if !picture.complete {
+        return Err(Failure::Limit(
+            "stopped by --max-time: the picture is written, but coarser than asked for".into(),
+        ));
+    }
+    Ok(())
+}
+
+/// The files to write.
+fn targets(arguments: &Arguments) -> Result<Vec<(PathBuf, Format)>, Failure> {
+    let Some(path) = &arguments.output else {
+        let name = match arguments.scene.as_deref() {
+            None => "room".into(),
+            Some(scene) => name_of(scene)?,
+        };
+        return Ok(vec![
+            (format!("{name}.exr").into(), Format::Exr),
+            (format!("{name}.png").into(), Format::Png),
+        ]);
+    };
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let format = match extension.as_deref() {
+        Some("exr") => Format::Exr,
+        Some("png") => Format::Png,
+        Some("hdr") => Format::Radiance,
+        _ => {
+            return Err(Failure::Usage(format!(
+                "render writes .exr, .png and .hdr files, not '{}'",
+                path.display()
+            )));
+        }
+    };
+    Ok(vec![(path.clone(), format)])
+}
+
+/// A scene file's name without folder and extension.
+fn name_of(scene: &Path) -> Result<String, Failure> {
+    let stem = scene.file_stem().map(|s| s.to_string_lossy().into_owned());
+    stem.ok_or_else(|| Failure::Usage(format!("'{}' names no file", scene.display())))
+}
+
+fn exposure(arguments: &Arguments, raster: &Raster) -> Exposure {
+    match (arguments.exposure, raster.rgb("")) {
+        (Some(ev), _) => Exposure { ev },
+        (None, Some(rgb)) => Exposure::automatic(rgb),
+        (None, None) => Exposure { ev: 0.0 },
+    }
+}
+
+fn attributes(scene: &str, common: &Common) -> ExrAttributes {
+    let (radiance, irradiance) =
+        if common.photometric { ("cd/m^2", "lx") } else { ("W/(m^2 sr)", "W/m^2") };
+    ExrAttributes {
+        scene: scene.into(),
+        units: format!(
+            "R,G,B and the layers direct, specular, emitted: radiance in {radiance}; irradiance: \
+             {irradiance}; Z: m along the path; N: unit normal"
+        ),
+        comments: format!("direct and specular light, relative accuracy {}", common.accuracy),
+    }
+}
+
+/// The picture's layers as channels, radiance and irradiance times `factor`.
+fn raster(picture: &Picture, factor: f64) -> Raster {
+    let mut raster = Raster::new(picture.width, picture.height);
+    let scaled = |v: [f64; 3]| v.map(|x| x * factor);
+    raster.push_rgb("", picture.radiance().map(scaled));
+    for (name, layer) in [
+        ("direct", &picture.direct),
+        ("specular", &picture.specular),
+        ("emitted", &picture.emitted),
+        ("irradiance", &picture.irradiance),
+    ] {
+        raster.push_rgb(name, layer.iter().copied().map(scaled));
+    }
+    raster.push("Z", picture.distance.iter().map(|z| *z as f32).collect());
+    for (i, axis) in ["N.X", "N.Y", "N.Z"].into_iter().enumerate() {
+        raster.push(axis, picture.normal.iter().map(|n| n[i] as f32).collect());
+    }
+    raster
+}

@@ -1,0 +1,116 @@
+//! What all verbs do before and around their work: threads, Ctrl-C, the clock, the scene.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use evolute::scene::{Loaded, Scene};
+use evolute::transfer::TransferSettings;
+
+use crate::failure::Failure;
+use crate::options::Common;
+use crate::summary::Summary;
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Threads and Ctrl-C. The first Ctrl-C asks the run to stop, the second ends it at once.
+pub fn set_up(common: &Common) -> Result<(), Failure> {
+    if let Some(n) = common.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(n.into())
+            .build_global()
+            .map_err(|e| Failure::Usage(format!("{n} threads cannot be started: {e}")))?;
+    }
+    let handler = || {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    };
+    // Without a handler Ctrl-C still ends the program, only less politely.
+    if let Err(e) = ctrlc::set_handler(handler) {
+        note(common, &format!("Ctrl-C cannot be handled: {e}"));
+    }
+    Ok(())
+}
+
+/// Whether Ctrl-C was pressed.
+pub fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// The moment at which `--max-time` ends, counted from now.
+pub struct Deadline(Option<Instant>);
+
+impl Deadline {
+    /// Starts the clock.
+    pub fn new(common: &Common) -> Self {
+        // A time too far off to be represented is no limit.
+        Self(common.max_time.and_then(|t| Instant::now().checked_add(t)))
+    }
+
+    /// Whether time is up.
+    pub fn passed(&self) -> bool {
+        self.0.is_some_and(|end| Instant::now() >= end)
+    }
+}
+
+/// A remark on standard error, unless `-q` was given.
+pub fn note(common: &Common, text: &str) {
+    if !common.quiet {
+        eprintln!("{text}");
+    }
+}
+
+/// A remark for `-v`.
+pub fn detail(common: &Common, text: &str) {
+    if common.verbose {
+        eprintln!("{text}");
+    }
+}
+
+/// Reads and checks a scene; its notices go to standard error.
+pub fn load(path: &Path, common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
+    let loaded = evolute::scene::load_file(path, &common.define);
+    accept(loaded, path.display().to_string(), common, summary)
+}
+
+/// The scene that is part of the program.
+pub fn load_built_in(common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
+    const ROOM: &str = include_str!("../../../cases/room/scene.xml");
+    let loaded = evolute::scene::load_str("room.xml", ROOM, &common.define);
+    accept(loaded, "the built-in room".into(), common, summary)
+}
+
+fn accept(
+    loaded: Result<Loaded, evolute::scene::SceneError>,
+    name: String,
+    common: &Common,
+    summary: &mut Summary,
+) -> Result<Scene, Failure> {
+    let loaded = loaded.map_err(|e| Failure::Input(e.to_string()))?;
+    for notice in &loaded.notices {
+        note(common, notice.trim_end());
+    }
+    summary.set("scene", name);
+    summary.set("notices", loaded.notices);
+    let seconds = summary.lap("load");
+    detail(common, &format!("scene read and checked in {seconds:.3} s"));
+    Ok(loaded.scene)
+}
+
+/// Accuracy and limits as the command line asks for them.
+pub fn transfer_settings(scene: &Scene, common: &Common) -> TransferSettings {
+    let absolute = common.accuracy_abs.unwrap_or_else(|| {
+        let area = scene.surface_area();
+        let mean = if area > 0.0 { scene.emitted_flux().luminance() / area } else { 0.0 };
+        // A thousandth of the relative tolerance on the scene's mean irradiance.
+        common.accuracy * 1e-3 * mean
+    });
+    let default = TransferSettings::default();
+    TransferSettings {
+        relative: common.accuracy,
+        absolute,
+        max_specular: common.max_specular.unwrap_or(default.max_specular),
+        ..default
+    }
+}
