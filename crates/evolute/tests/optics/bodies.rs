@@ -1,10 +1,10 @@
 //! Surfaces for random chains, placed wherever a ray is, and a way to meet them that is not the
 //! tracer's.
 
-use evolute::formula::{Formula, Jet2, Tape};
+use evolute::formula::Formula;
 use evolute::geometry::{Matrix3, Point3, Transform, UnitVector3, Vector3, math, tangent_frame};
 use evolute::surface::{
-    Cylinder, Disk, Jet, LocalGeometry, Rectangle, Sphere, Surface, SurfacePoint,
+    Cylinder, Disk, LocalGeometry, Parametric, Rectangle, Sphere, Surface, SurfacePoint,
 };
 
 /// A fixed stream of numbers (SplitMix64; Steele, Lea & Flood 2014).
@@ -51,16 +51,16 @@ impl Random {
 /// A surface of size one about the origin of its own frame.
 pub struct Body {
     pub name: &'static str,
-    shape: Shape,
+    surface: Surface,
     /// Draws parameters (u, v) of a point and how far the surface stays smooth around it, as a
     /// fraction of the surface's size.
     draw: fn(&mut Random) -> (f64, f64, f64),
+    /// Parameters of the surface's point under one near it, where Newton's iteration in the parameters
+    /// themselves is no good.
+    foot: Option<Foot>,
 }
 
-enum Shape {
-    Surface(Surface),
-    Formula(Tape),
-}
+type Foot = fn(&Point3) -> (f64, f64);
 
 /// Inside the border, anywhere.
 fn anywhere(r: &mut Random) -> (f64, f64, f64) {
@@ -74,34 +74,38 @@ fn at_the_umbilic(r: &mut Random) -> (f64, f64, f64) {
     (0.5 + off * c, 0.5 + off * s, 0.1)
 }
 
-/// Distances from the corner s = 0 from 1e-3 on.
+/// One point in five on the corner s = 0 itself, the others at distances from 1e-5 on.
 fn towards_the_corner(r: &mut Random) -> (f64, f64, f64) {
-    let s = r.scale(1e-3, 1.0);
-    (s, r.uniform(0.1, 0.9), 0.3 * s)
+    let s = if r.chance(0.2) { 0.0 } else { r.scale(1e-5, 1.0) };
+    (s, r.uniform(0.1, 0.9), 0.1)
+}
+
+fn polar(x: &Point3) -> (f64, f64) {
+    ((x.x * x.x + x.y * x.y).sqrt(), math::atan2(x.y, x.x))
 }
 
 fn formula(name: &'static str, xyz: [&str; 3], draw: fn(&mut Random) -> (f64, f64, f64)) -> Body {
-    let parsed = xyz.map(|text| Formula::parse(text, &["s", "t"], &[]).unwrap());
-    Body { name, shape: Shape::Formula(Tape::compile(&parsed).unwrap()), draw }
+    let [x, y, z] = xyz.map(|text| Formula::parse(text, &["s", "t"], &[]).unwrap());
+    let surface = Parametric::new(x, y, z, Transform::identity(), false).unwrap();
+    Body { name, surface: Surface::Parametric(surface), draw, foot: None }
 }
 
 fn closed(name: &'static str, surface: Surface) -> Body {
-    Body { name, shape: Shape::Surface(surface), draw: anywhere }
+    Body { name, surface, draw: anywhere, foot: None }
 }
 
 /// One of every smooth kind.
 pub fn all_bodies() -> Vec<Body> {
     let id = Transform::identity();
     let axis = Vector3::z() * 0.5;
+    let ends = [Point3::from(-axis), Point3::from(axis)];
     vec![
         closed("rectangle", Surface::Rectangle(Rectangle::new(id, false).unwrap())),
         closed("disk", Surface::Disk(Disk::new(id, false).unwrap())),
         closed("sphere", Surface::Sphere(Sphere::new(Point3::origin(), 1.0, id, false).unwrap())),
         closed(
             "cylinder",
-            Surface::Cylinder(
-                Cylinder::new(Point3::from(-axis), Point3::from(axis), 1.0, id, false).unwrap(),
-            ),
+            Surface::Cylinder(Cylinder::new(ends[0], ends[1], 1.0, id, false).unwrap()),
         ),
         formula("wave", ["2*s - 1", "0.12*sin(7*s)*cos(5*t)", "1 - 2*t"], anywhere),
         // z = (x² + y²)/2 + a cubic: equal principal curvatures at the centre only.
@@ -115,12 +119,15 @@ pub fn all_bodies() -> Vec<Body> {
             at_the_umbilic,
         ),
         formula("saddle", ["2*s - 1", "2*t - 1", "0.8*(2*s - 1)*(2*t - 1)"], anywhere),
-        // The side s = 0 is a single point.
-        formula(
-            "corner",
-            ["s*cos(t)", "s*sin(t)", "0.5*s^2*(1 + 0.4*cos(3*t)*s)"],
-            towards_the_corner,
-        ),
+        // A sector whose side s = 0 is a single point, smooth though x_t vanishes there.
+        Body {
+            foot: Some(polar),
+            ..formula(
+                "corner",
+                ["s*cos(t)", "s*sin(t)", "0.5*s^2*(1 + 0.4*cos(3*t)*s)"],
+                towards_the_corner,
+            )
+        },
     ]
 }
 
@@ -147,8 +154,7 @@ impl<'b> Placed<'b> {
         r: &mut Random,
     ) -> Option<Self> {
         let (u, v, smooth) = (body.draw)(r);
-        let jet = body.jet(u, v)?;
-        let m = jet.normal()?;
+        let (inside, m) = body.at(u, v)?;
         let (a, b) = tangent_frame(&m);
         let (s, t) = tangent_frame(&n);
         let (sin, cos) = math::sin_cos(r.uniform(0.0, std::f64::consts::TAU));
@@ -157,7 +163,7 @@ impl<'b> Placed<'b> {
         Some(Self {
             body,
             uv: (u, v),
-            inside: jet.x,
+            inside,
             world: x,
             rotation: to * from.transpose(),
             scale,
@@ -180,22 +186,13 @@ impl<'b> Placed<'b> {
 }
 
 impl Body {
-    fn jet(&self, u: f64, v: f64) -> Option<Jet> {
-        match &self.shape {
-            Shape::Surface(s) => s.jet(u, v),
-            Shape::Formula(tape) => {
-                let [x, y, z] = tape.evaluate::<Jet2<f64>, 3>(&Jet2::variables(u, v));
-                let vector = |f: fn(&Jet2<f64>) -> f64| Vector3::new(f(&x), f(&y), f(&z));
-                Some(Jet {
-                    x: Point3::new(x.v, y.v, z.v),
-                    xu: vector(|j| j.g[0]),
-                    xv: vector(|j| j.g[1]),
-                    xuu: vector(|j| j.h[0]),
-                    xuv: vector(|j| j.h[1]),
-                    xvv: vector(|j| j.h[2]),
-                })
-            }
-        }
+    /// Point and normal.
+    fn at(&self, u: f64, v: f64) -> Option<(Point3, UnitVector3)> {
+        let local = match &self.surface {
+            Surface::Parametric(p) => p.local(u, v)?,
+            surface => surface.local(&surface.point(u, v)?)?,
+        };
+        Some((local.x, local.n))
     }
 
     /// The intersection nearest to the ray parameter `near`, on the surface continued past its border.
@@ -206,40 +203,75 @@ impl Body {
         near: f64,
         uv: (f64, f64),
     ) -> Option<(f64, LocalGeometry)> {
-        let at = |t: f64| SurfacePoint { primitive: 0, p: 0.0, q: 0.0, x: o + d * t };
-        match &self.shape {
-            Shape::Surface(surface) => {
-                let t = match surface {
-                    Surface::Rectangle(_) | Surface::Disk(_) => -o.z / d.z,
-                    Surface::Sphere(_) => nearest_root(&o.coords, d, near)?,
-                    _ => {
-                        let flat = |v: &Vector3| Vector3::new(v.x, v.y, 0.0);
-                        nearest_root(&flat(&o.coords), &flat(d), near)?
-                    }
+        let flat = |v: &Vector3| Vector3::new(v.x, v.y, 0.0);
+        let t = match &self.surface {
+            Surface::Rectangle(_) | Surface::Disk(_) => -o.z / d.z,
+            Surface::Sphere(_) => nearest_root(&o.coords, d, near)?,
+            Surface::Cylinder(_) => nearest_root(&flat(&o.coords), &flat(d), near)?,
+            Surface::Parametric(p) => {
+                let (u, v, t) = match self.foot {
+                    None => newton(p, o, d, uv, near)?,
+                    Some(foot) => plane_by_plane(p, o, d, foot, near)?,
                 };
-                Some((t, surface.local(&at(t))?))
-            }
-            Shape::Formula(_) => {
-                // Newton's iteration on x(u, v) = o + t d.
-                let (mut u, mut v, mut t) = (uv.0, uv.1, near);
-                for _ in 0..20 {
-                    let jet = self.jet(u, v)?;
-                    let step = Matrix3::from_columns(&[jet.xu, jet.xv, -d]).try_inverse()?
-                        * (o + d * t - jet.x);
-                    (u, v, t) = (u + step.x, v + step.y, t + step.z);
-                    // One more step squares this away.
-                    if step.x.abs() < 1e-8 * u.abs() && step.y.abs() < 1e-8 {
-                        let jet = self.jet(u, v)?;
-                        let last = Matrix3::from_columns(&[jet.xu, jet.xv, -d]).try_inverse()?
-                            * (o + d * t - jet.x);
-                        let (u, v, t) = (u + last.x, v + last.y, t + last.z);
-                        return Some((t, self.jet(u, v)?.local(false)?));
-                    }
+                let mut local = p.local(u, v)?;
+                // Close to the corner, finite differences need more digits of the normal than the
+                // library's limit has.
+                if let Some(n) = p.jet(u, v).normal().filter(|_| u > 0.0) {
+                    local.n = if n.dot(&local.n) < 0.0 { -n } else { n };
                 }
-                None
+                return Some((t, local));
             }
+            Surface::Mesh(_) => return None,
+        };
+        let at = SurfacePoint { primitive: 0, p: 0.0, q: 0.0, x: o + d * t };
+        Some((t, self.surface.local(&at)?))
+    }
+}
+
+/// Newton's iteration on x(u, v) = o + t d from a start nearby.
+fn newton(
+    surface: &Parametric,
+    o: &Point3,
+    d: &Vector3,
+    uv: (f64, f64),
+    t: f64,
+) -> Option<(f64, f64, f64)> {
+    let ((mut u, mut v), mut t) = (uv, t);
+    for _ in 0..20 {
+        let jet = surface.jet(u, v);
+        let columns = Matrix3::from_columns(&[jet.xu, jet.xv, -d]);
+        let step = columns.try_inverse()? * (o + d * t - jet.x);
+        (u, v, t) = (u + step.x, v + step.y, t + step.z);
+        // Squares of this are below rounding.
+        if step.norm() < 1e-9 {
+            return Some((u, v, t));
         }
     }
+    None
+}
+
+/// The same where the surface is a graph over its xy plane: the ray against one tangent plane after
+/// the other.
+fn plane_by_plane(
+    surface: &Parametric,
+    o: &Point3,
+    d: &Vector3,
+    foot: Foot,
+    mut t: f64,
+) -> Option<(f64, f64, f64)> {
+    for _ in 0..20 {
+        let (u, v) = foot(&(o + d * t));
+        let jet = surface.jet(u, v);
+        let n = jet.normal().or_else(|| Some(surface.local(u, v)?.n))?;
+        let next = n.dot(&(jet.x - o)) / n.dot(d);
+        let step = next - t;
+        t = next;
+        if step.abs() < 1e-9 {
+            let (u, v) = foot(&(o + d * t));
+            return Some((u, v, t));
+        }
+    }
+    None
 }
 
 /// The root of |o + t d|² = 1 nearer to `near`.

@@ -1,9 +1,16 @@
-//! 10⁵ random chains: both factors against finite differences of traced rays, their product against the
-//! invariance law.
+//! 10⁵ random chains of 1 to 6 reflections and refractions: both factors against finite differences of
+//! traced rays, their product against the invariance law.
+//!
+//! Chains are drawn as `paths::random_path` says. Most are well conditioned; so that at least 1 % have a
+//! condition number above 1e3, one in twenty ends close to a focus of the wave from P, off it by 1e-4
+//! to 1e-1 of the last leg (uniform in the logarithm). Closer still, where *both* foci of a wave lie
+//! close together, the determinant loses digits as 1/off while the ratio of the Jacobian's singular
+//! values, the condition number, stays small, so that the latter no longer says how many digits are
+//! left.
 
 use crate::bodies::{Random, all_bodies};
-use crate::paths::{Path, Way, random_path};
-use evolute::geometry::{Matrix2, UnitVector3};
+use crate::paths::{Family, Path, Way, random_path};
+use evolute::geometry::{Matrix2, Point3, UnitVector3};
 use evolute::optics::{Chain, FactorLaw, Interaction, Wavefront};
 
 const CHAINS: usize = 100_000;
@@ -62,11 +69,10 @@ fn printed_excess(path: &Path) -> f64 {
     for (i, v) in path.vertices.iter().enumerate() {
         if v.interaction == Interaction::Refraction {
             let before = if i == 0 { path.start } else { path.vertices[i - 1].local.x };
-            let d = (v.local.x - before).normalize();
-            let cos_p = d.dot(&v.local.n).abs();
-            let (n_p, n_x) = (v.index_toward_receiver, v.index_toward_source);
-            let sin_x = d.cross(&v.local.n).norm() * n_p / n_x;
-            excess *= (n_p / n_x) * (n_p / n_x) * cos_p / (1.0 - sin_x * sin_x).sqrt();
+            let after = path.vertices.get(i + 1).map_or(path.end, |v| v.local.x);
+            let cos = |x: Point3| (x - v.local.x).normalize().dot(&v.local.n).abs();
+            let ratio = v.index_toward_receiver / v.index_toward_source;
+            excess *= ratio * ratio * cos(before) / cos(after);
         }
     }
     excess
@@ -86,7 +92,7 @@ fn factors_of_random_chains() {
     let mut done = 0;
     while done < CHAINS {
         let count = 1 + done % 6;
-        let focus = r.chance(0.05).then(|| r.sign() * r.scale(1e-5, 1e-1));
+        let focus = r.chance(0.05).then(|| r.sign() * r.scale(1e-4, 1e-1));
         drawn += 1;
         let Some(path) = random_path(&bodies, count, focus, &mut r) else { continue };
         let chain = Chain { receiver: path.start, vertices: &path.vertices, source: path.end };
@@ -94,13 +100,15 @@ fn factors_of_random_chains() {
 
         // Each wave against its own traced rays.
         for (k, way) in [Way::FromReceiver, Way::FromSource].into_iter().enumerate() {
-            let (wave, step) = path.wave(way).unwrap();
+            let (direction, index) = path.beginning(way);
+            let point = Wavefront::spherical(direction, index);
+            let (wave, step) = path.carried(way, point).unwrap();
             let ours = wave.position_jacobian();
             let factor = match way {
                 Way::FromReceiver => factors.area * factors.first_leg * factors.first_leg,
                 Way::FromSource => factors.first_leg * factors.first_leg / factors.concentration,
             };
-            match path.difference(way, &wave, step) {
+            match path.difference(way, Family::Point, &wave, step) {
                 Some(traced) => {
                     let gap = gap(&ours, factor, &traced);
                     uncertain += usize::from(gap[0] > 1e-5);
@@ -166,8 +174,8 @@ fn factors_of_random_chains() {
     for [_, square, relative] in worst[1..].iter().flatten() {
         assert!(*square <= 1e-5 && *relative <= 1e-5, "{square} {relative}");
     }
-    // Entry by entry, differences of rays in double precision do not reach 1e-5 on the few chains
-    // that spread by 1e8 and more: steps of 1e-12 rad are left there.
+    // Entry by entry, differences of rays in double precision miss 1e-5 on a few chains that spread
+    // rays by 1e8 and more.
     assert!(uncertain * 10_000 <= CHAINS, "{uncertain}");
     assert!(law.iter().all(|l| *l <= 1.0), "{law:?}");
     assert!(printed <= 1e-9, "{printed}");

@@ -4,6 +4,7 @@
 
 mod bodies;
 mod chains;
+mod families;
 mod known;
 mod meshes;
 mod paths;

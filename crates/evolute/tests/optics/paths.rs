@@ -20,10 +20,17 @@ pub struct Path<'b> {
 }
 
 /// Which way along a chain.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Way {
     FromReceiver,
     FromSource,
+}
+
+/// Which rays: through one point, or parallel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Family {
+    Point,
+    Collimated,
 }
 
 /// Draws a chain of `count` interactions. From the end of the last leg a new leg of 0.1 to 3 m
@@ -89,14 +96,15 @@ pub fn random_path<'b>(
 }
 
 impl Path<'_> {
-    /// The ray from one end, followed surface by surface: where it crosses the plane through the other
-    /// end across the chain there, as a displacement from that end.
-    pub fn follow(&self, way: Way, direction: &Vector3) -> Option<Vector3> {
+    /// The ray from one end, moved by `offset` [m], followed surface by surface: where it crosses the
+    /// plane through the other end across the chain there, as a displacement from that end.
+    pub fn follow(&self, way: Way, offset: &Vector3, direction: &Vector3) -> Option<Vector3> {
         let count = self.links.len();
-        let (mut o, to, across) = match way {
+        let (from, to, across) = match way {
             Way::FromReceiver => (self.start, self.end, self.last),
             Way::FromSource => (self.end, self.start, self.direction),
         };
+        let mut o = from + offset;
         let mut d = UnitVector3::new_normalize(*direction);
         for step in 0..count {
             let i = if way == Way::FromReceiver { step } else { count - 1 - step };
@@ -118,19 +126,24 @@ impl Path<'_> {
         Some(o + d.into_inner() * t - to)
     }
 
-    /// The wave from one end at the other, and a step [rad] for finite differences: a thousandth of
-    /// the angle at which something on the way changes by itself.
-    pub fn wave(&self, way: Way) -> Option<(Wavefront, f64)> {
-        let count = self.links.len();
-        let (mut at, to, direction, index) = match way {
-            Way::FromReceiver => {
-                (self.start, self.end, self.direction, self.vertices[0].index_toward_receiver)
-            }
+    /// Direction and refractive index at an end.
+    pub fn beginning(&self, way: Way) -> (UnitVector3, f64) {
+        match way {
+            Way::FromReceiver => (self.direction, self.vertices[0].index_toward_receiver),
             Way::FromSource => {
-                (self.end, self.start, -self.last, self.vertices[count - 1].index_toward_source)
+                (-self.last, self.vertices[self.links.len() - 1].index_toward_source)
             }
+        }
+    }
+
+    /// A wave that begins at one end, at the other; and a step for finite differences in the family's
+    /// own coordinates: a thousandth of what changes something on the way by itself.
+    pub fn carried(&self, way: Way, mut wave: Wavefront) -> Option<(Wavefront, f64)> {
+        let count = self.links.len();
+        let (mut at, to) = match way {
+            Way::FromReceiver => (self.start, self.end),
+            Way::FromSource => (self.end, self.start),
         };
-        let mut wave = Wavefront::spherical(direction, index);
         let mut rate = 1.0f64;
         for step in 0..count {
             let i = if way == Way::FromReceiver { step } else { count - 1 - step };
@@ -156,18 +169,26 @@ impl Path<'_> {
         Some((wave.transferred((to - at).norm()), 1e-3 / rate))
     }
 
-    /// ∂(displacement at the other end)/∂(angle at this one) by central differences of traced rays,
+    /// ∂(displacement at the other end)/∂(coordinates of the family at this one) by central differences of traced rays,
     /// extrapolated to no step; in the frames of the wave. `None` if no step worked.
-    pub fn difference(&self, way: Way, wave: &Wavefront, step: f64) -> Option<Matrix2> {
-        let direction = match way {
-            Way::FromReceiver => self.direction,
-            Way::FromSource => -self.last,
-        };
+    pub fn difference(
+        &self,
+        way: Way,
+        family: Family,
+        wave: &Wavefront,
+        step: f64,
+    ) -> Option<Matrix2> {
+        let direction = self.beginning(way).0;
         let (e1, e2) = evolute::geometry::tangent_frame(&direction);
         let frame = wave.frame();
         let column = |e: &Vector3, h: f64| {
-            let plus = self.follow(way, &(direction.into_inner() + e * h))?;
-            let minus = self.follow(way, &(direction.into_inner() - e * h))?;
+            let ray = |h: f64| match family {
+                Family::Point => {
+                    self.follow(way, &Vector3::zeros(), &(direction.into_inner() + e * h))
+                }
+                Family::Collimated => self.follow(way, &(e * h), &direction),
+            };
+            let (plus, minus) = (ray(h)?, ray(-h)?);
             Some((plus - minus) / (2.0 * h))
         };
         // Three step lengths; errors of order h² and h⁴ cancel.
@@ -177,7 +198,7 @@ impl Path<'_> {
             Some(((bc * 16.0 - ab) / 15.0, (bc - ab).norm()))
         };
         let mut best: Option<(Matrix2, f64)> = None;
-        for shorter in [1.0, 10.0, 100.0, 0.1, 0.01, 1e-3] {
+        for shorter in [1.0, 10.0, 100.0, 1e3, 0.1, 0.01] {
             let h = step * shorter;
             let Some(((c1, r1), (c2, r2))) = extrapolated(&e1, h).zip(extrapolated(&e2, h)) else {
                 continue;
