@@ -183,29 +183,29 @@ fn arcs(weights: &Weights, cut: &Patch, area: f64, sum: &mut Integrals) {
 
 /// The root in [0, 1] of a cubic that rises or falls throughout, clamped to the ends.
 fn monotone_root(c: &[f64; 4]) -> f64 {
+    if (c[0] < 0.0) == (c[3] < 0.0) {
+        // No sign change but for rounding: the end that is nearer to zero.
+        return if c[0].abs() < c[3].abs() { 0.0 } else { 1.0 };
+    }
+    // By powers of t, so that value and slope cost five products.
+    let (p1, p2) = (3.0 * (c[1] - c[0]), 3.0 * (c[2] - 2.0 * c[1] + c[0]));
+    let p3 = c[3] - c[0] - p1 - p2;
     let rising = c[3] > c[0];
-    let value = |t: f64| if rising { cubic(c, t) } else { -cubic(c, t) };
-    if value(0.0) >= 0.0 {
-        return 0.0;
-    }
-    if value(1.0) <= 0.0 {
-        return 1.0;
-    }
     let (mut low, mut high) = (0.0, 1.0);
     let mut t = c[0] / (c[0] - c[3]);
     // Newton, kept inside the bracket; it doubles its digits, so twenty rounds are never used up.
     for _ in 0..20 {
-        let f = value(t);
-        if f < 0.0 {
+        let f = c[0] + t * (p1 + t * (p2 + t * p3));
+        let slope = p1 + t * (2.0 * p2 + t * (3.0 * p3));
+        if (f < 0.0) == rising {
             low = t;
         } else {
             high = t;
         }
-        let slope = cubic_derivative(c, t);
-        let step = cubic(c, t) / slope;
-        let next = t - step;
-        let next = if next > low && next < high { next } else { 0.5 * (low + high) };
-        if (next - t).abs() <= 1e-15 {
+        let next = t - f / slope;
+        let next = if next >= low && next <= high { next } else { 0.5 * (low + high) };
+        // A step of 1e-8 is followed by one of its square.
+        if (next - t).abs() <= 1e-8 {
             return next;
         }
         t = next;

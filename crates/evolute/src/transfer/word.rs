@@ -113,14 +113,21 @@ impl<'s> Words<'s> {
         }
         let mut ids = Vec::new();
         for domain in Domain::of(&target.surface, &position, on_surface) {
-            // One look tells the side of a one-sided domain.
-            let sides: ArrayVec<bool, 2> = if domain.one_sided() {
-                let probe = [(0.5, 0.5), (0.3, 0.4), (0.6, 0.2)];
-                let seen = probe.iter().find_map(|&(a, b)| domain.at(a, b));
-                seen.map(|p| p.d.v.dot(&p.n.v) < 0.0).into_iter().collect()
-            } else {
-                ArrayVec::from([true, false])
-            };
+            // One look tells the side of a one-sided domain, a grid the sides of another.
+            let mut sides: ArrayVec<bool, 2> = ArrayVec::new();
+            let probe = if domain.one_sided() { 3 } else { 8 };
+            for (i, j) in (1..2 * probe).flat_map(|i| (1..2 * probe).map(move |j| (i, j))) {
+                let (a, b) =
+                    (f64::from(i) / f64::from(2 * probe), f64::from(j) / f64::from(2 * probe));
+                let Some(p) = domain.at(a, b) else { continue };
+                let front = p.d.v.dot(&p.n.v) < 0.0;
+                if !sides.contains(&front) {
+                    sides.push(front);
+                }
+                if sides.len() == 2 || domain.one_sided() {
+                    break;
+                }
+            }
             let root = self.roots.len();
             let primitive = matches!(target.surface, Surface::Mesh(_)).then(|| domain.primitive());
             for front in sides {
