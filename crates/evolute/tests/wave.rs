@@ -93,6 +93,11 @@ impl Search {
     }
 
     fn cell(&self, x: f64, z: f64, h: f64, corners: [&Landing; 4], depth: u32) -> f64 {
+        // Total reflection: where no corner passes nothing does; near its border rays leave at a
+        // grazing angle and miss the lamp by far.
+        if corners.iter().any(|c| !c.x.is_finite()) {
+            return 0.0;
+        }
         let bound = |pick: fn(&Landing) -> f64| {
             let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
             for c in corners {
@@ -180,7 +185,13 @@ fn estimates_hold_on_the_wave() {
             .map(|k| spread(k))
             .map(|(u, v)| (100.0 * u - 50.0, 100.0 * v - 50.0))
             .collect();
-        let depth = if half < 5.0 { 6 } else if half < 20.0 { 5 } else { 4 };
+        let depth = if half < 5.0 {
+            6
+        } else if half < 20.0 {
+            5
+        } else {
+            4
+        };
         let truths: Vec<f64> =
             places.par_iter().map(|&(px, pz)| Search { px, pz, half }.irradiance(depth)).collect();
         let mut chains_by_accuracy = Vec::new();
