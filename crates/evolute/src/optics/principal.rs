@@ -211,7 +211,10 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #![proptest_config(ProptestConfig {
+            failure_persistence: None, // no files beside the sources
+            ..ProptestConfig::with_cases(2000)
+        })]
         #[test]
         fn euler_and_the_tensor_agree(steps in steps(), k in prop::array::uniform3(-1.0..1.0f64)) {
             let d = unit(0.2, -0.4, 1.0);

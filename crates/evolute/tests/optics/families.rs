@@ -1,4 +1,4 @@
-//! Other families of rays along the same random chains: collimated light, and the dual numbers that
+//! Other views of the same random chains: collimated light, Euler's formulas, and the dual numbers that
 //! the receiver's side uses.
 
 use crate::bodies::{Random, all_bodies};
@@ -99,4 +99,46 @@ fn dual_numbers_agree() {
         "\n{done} chains by dual numbers: worst ‖ΔJ‖/‖J‖ times the least squared cosine {worst:.1e}"
     );
     assert!(worst < 1e-11);
+}
+
+/// Euler's formulas, interaction by interaction along whole chains, against the tensor.
+#[test]
+fn euler_agrees() {
+    let bodies = all_bodies();
+    let mut r = Random(13);
+    let (mut worst, mut done, mut compared) = (0.0f64, 0, 0);
+    while done < 10_000 {
+        let Some(path) = random_path(&bodies, 1 + done % 6, None, &mut r) else { continue };
+        let (direction, index) = path.beginning(Way::FromReceiver);
+        let first = (path.vertices[0].local.x - path.start).norm();
+        let mut wave = Wavefront::spherical(direction, index).transferred(first);
+        let mut euler = wave.principal().unwrap();
+        for (i, v) in path.vertices.iter().enumerate() {
+            (wave, euler) = match v.interaction {
+                Interaction::Reflection => {
+                    (wave.reflected(&v.local).unwrap(), euler.reflected(&v.local).unwrap())
+                }
+                Interaction::Refraction => {
+                    let n = v.index_toward_source;
+                    (wave.refracted(&v.local, n).unwrap(), euler.refracted(&v.local, n).unwrap())
+                }
+            };
+            let next = path.vertices.get(i + 1).map_or(path.end, |v| v.local.x);
+            let way = (next - v.local.x).norm();
+            (wave, euler) = (wave.transferred(way), euler.transferred(way));
+            let k = wave.curvature().unwrap();
+            let size = k.norm().max(1.0);
+            // Digits are lost in proportion to K close to foci and where a cosine is small.
+            if size > 1e4 {
+                break;
+            }
+            let off = (euler.tensor(wave.frame()) - k).norm() / size;
+            worst = worst.max(off);
+            compared += 1;
+        }
+        done += 1;
+    }
+    println!("\nEuler's formulas against the tensor, {compared} vertices: worst {worst:.1e}");
+    assert!(worst < 1e-9, "{worst}");
+    assert!(compared > 30_000);
 }
