@@ -11,16 +11,15 @@ use crate::geometry::{Aabb, Point3, Ray, Vector3};
 use arrayvec::ArrayVec;
 use wide::f32x8;
 
-/// At most this many triangles share a leaf. A double-precision triangle test costs about as much as
-/// testing eight boxes; measured on a mesh of 500,000 triangles, 2 to 4 are equally fast, 1 and 8 slower.
-const LEAF_SIZE: u32 = 4;
+/// At most this many triangles share a leaf: as many as are tested at a time.
+pub(super) const LEAF_SIZE: u32 = 8;
 
 /// Children as 32 bits: an inner node's index, or with [`LEAF`] a class (one bit), a count less one
-/// (three bits) and a first index.
+/// (three bits) and a leaf's number.
 const LEAF: u32 = 1 << 31;
 const CLASS: u32 = 1 << 30;
 const COUNT_SHIFT: u32 = 27;
-const FIRST: u32 = (1 << COUNT_SHIFT) - 1;
+const NUMBER: u32 = (1 << COUNT_SHIFT) - 1;
 
 /// Boxes are also grown by 2⁻⁴⁰ of the scene, so that a ray that runs exactly in a box's face, with a
 /// component of its direction replaced by [`LEAST_DIRECTION`], stays inside.
@@ -37,11 +36,13 @@ struct Node {
     children: [u32; 8],
 }
 
-/// Primitives of one leaf, all of one class: positions in [`Hierarchy::order`] of that class.
+/// Primitives of one leaf, all of one class.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leaf {
     pub class: usize,
-    pub first: usize,
+    /// The leaf's number among those of its class: its primitives are
+    /// [`Hierarchy::order`]`[class][starts[class][number]..][..count]`.
+    pub number: usize,
     pub count: usize,
 }
 
@@ -49,7 +50,7 @@ impl Leaf {
     fn of(child: u32) -> Self {
         Self {
             class: usize::from(child & CLASS != 0),
-            first: (child & FIRST) as usize,
+            number: (child & NUMBER) as usize,
             count: ((child & !(LEAF | CLASS)) >> COUNT_SHIFT) as usize + 1,
         }
     }
@@ -57,7 +58,7 @@ impl Leaf {
     fn child(self) -> u32 {
         LEAF | (self.class as u32 * CLASS)
             | ((self.count as u32 - 1) << COUNT_SHIFT)
-            | self.first as u32
+            | self.number as u32
     }
 }
 
@@ -69,6 +70,8 @@ pub(super) struct Hierarchy {
     root: Option<u32>,
     /// For each class, the caller's numbers in the order in which leaves refer to them.
     pub order: [Vec<u32>; 2],
+    /// For each class, where in `order` each leaf begins.
+    pub starts: [Vec<u32>; 2],
     /// local = (world − centre) · scale lies in [−1, 1]³; scale is a power of two.
     centre: Point3,
     scale: f64,
@@ -118,6 +121,7 @@ impl Hierarchy {
             nodes: Vec::new(),
             root: None,
             order: [Vec::new(), Vec::new()],
+            starts: [Vec::new(), Vec::new()],
             centre,
             scale: power_of_two_below(0.99 / half),
             bounds,
@@ -145,7 +149,8 @@ impl Hierarchy {
         this
     }
 
-    fn local(&self, p: &Point3) -> Vector3 {
+    /// In the frame in which the scene fills [−1, 1]³.
+    pub fn local(&self, p: &Point3) -> Vector3 {
         (p - self.centre) * self.scale
     }
 
@@ -160,9 +165,10 @@ impl Hierarchy {
 
     /// Appends a leaf and returns it as a child.
     fn leaf(&mut self, class: usize, primitives: &[u32]) -> u32 {
-        let first = self.order[class].len();
+        let number = self.starts[class].len();
+        self.starts[class].push(self.order[class].len() as u32);
         self.order[class].extend_from_slice(primitives);
-        Leaf { class, first, count: primitives.len() }.child()
+        Leaf { class, number, count: primitives.len() }.child()
     }
 
     /// The binary tree with eight children a node.
@@ -201,7 +207,7 @@ impl Hierarchy {
         while let Some((binary, place)) = waiting.pop() {
             let child = if closed(binary) {
                 primitives.clear();
-                let mut inside: ArrayVec<usize, 16> = ArrayVec::new();
+                let mut inside: ArrayVec<usize, { LEAF_SIZE as usize }> = ArrayVec::new();
                 inside.push(binary);
                 while let Some(i) = inside.pop() {
                     let (node, first) = (&nodes[i], nodes[i].first_index as usize);
@@ -252,9 +258,13 @@ impl Hierarchy {
 
     /// Visits the leaves whose boxes the ray passes at 0 ≤ t ≤ `t_max`, roughly in the order in which it
     /// reaches them, until `visit` returns true. `visit` may lower `t_max`.
-    pub fn along(&self, ray: &Ray, mut t_max: f64, mut visit: impl FnMut(Leaf, &mut f64) -> bool) {
+    pub fn along(
+        &self,
+        slabs: &Slabs,
+        mut t_max: f64,
+        mut visit: impl FnMut(Leaf, &mut f64) -> bool,
+    ) {
         let Some(root) = self.root else { return };
-        let Some(slabs) = Slabs::new(self, ray) else { return };
         let mut reach = f32x8::splat(slabs.reach(t_max));
         let mut reach_scalar = slabs.reach(t_max);
         let mut stack = Stack::new();
@@ -340,7 +350,10 @@ impl Hierarchy {
 }
 
 /// A ray as the slab test wants it.
-struct Slabs {
+pub(super) struct Slabs {
+    /// The ray in the local frame, from where it comes near the scene.
+    pub origin: Vector3,
+    pub direction: Vector3,
     /// Origin, rounded to the side that makes the entry earlier, and to the side that makes the exit
     /// later.
     origin_in: [f32x8; 3],
@@ -355,7 +368,7 @@ struct Slabs {
 
 impl Slabs {
     /// `None` if the ray is far from the whole scene, or has no direction.
-    fn new(hierarchy: &Hierarchy, ray: &Ray) -> Option<Self> {
+    pub fn new(hierarchy: &Hierarchy, ray: &Ray) -> Option<Self> {
         let direction = ray.direction * hierarchy.scale;
         let rate = direction.amax();
         if !(rate > 0.0 && rate.is_finite()) {
@@ -387,6 +400,8 @@ impl Slabs {
             f32x8::splat(if later { up(origin[i] + doubt) } else { down(origin[i] - doubt) })
         };
         Some(Self {
+            origin,
+            direction,
             origin_in: std::array::from_fn(|i| towards(i, forward[i])),
             origin_out: std::array::from_fn(|i| towards(i, !forward[i])),
             reciprocal: std::array::from_fn(|i| f32x8::splat((1.0 / direction[i]) as f32)),

@@ -14,8 +14,10 @@ use crate::geometry::{Aabb, Point3, Ray, Vector3};
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Mesh, Surface, SurfacePoint, contact_tolerance};
 use arrayvec::ArrayVec;
-use hierarchy::{Hierarchy, Leaf};
-use triangle::{Shear, Triangle, border, enters_neighbour, in_plane, weights_on};
+use hierarchy::{Hierarchy, LEAF_SIZE, Leaf, Slabs};
+use triangle::{
+    Block, BlockRay, Shear, Triangle, border, enters_neighbour, in_plane, may_be_border, weights_on,
+};
 
 /// A point of a shape: where a ray starts or ends. A ray does not meet the surface again at the
 /// point it starts from; other intersections with the same surface count.
@@ -46,6 +48,8 @@ pub struct Hit {
 pub struct Tracer<'s> {
     scene: &'s Scene,
     hierarchy: Hierarchy,
+    /// One for each leaf of triangles.
+    blocks: Vec<Block>,
     /// In the order of the hierarchy's leaves.
     triangles: Vec<Triangle>,
     others: Vec<(u32, u32)>,
@@ -98,7 +102,7 @@ impl<'s> Tracer<'s> {
             Surface::Mesh(_) => 0,
             _ => 1,
         });
-        let triangles = hierarchy.order[0]
+        let triangles: Vec<Triangle> = hierarchy.order[0]
             .iter()
             .filter_map(|&i| {
                 let (shape, primitive) = primitives[i as usize];
@@ -110,7 +114,20 @@ impl<'s> Tracer<'s> {
             })
             .collect();
         let others = hierarchy.order[1].iter().map(|&i| primitives[i as usize]).collect();
-        Self { scene, hierarchy, triangles, others }
+        let ends = hierarchy.starts[0].iter().skip(1).copied().chain([triangles.len() as u32]);
+        let blocks = hierarchy.starts[0]
+            .iter()
+            .zip(ends)
+            .map(|(&start, end)| {
+                let leaf: ArrayVec<_, { LEAF_SIZE as usize }> = triangles
+                    [start as usize..end as usize]
+                    .iter()
+                    .map(|t| t.corners.map(|c| hierarchy.local(&c)))
+                    .collect();
+                Block::new(&leaf)
+            })
+            .collect();
+        Self { scene, hierarchy, blocks, triangles, others }
     }
 
     /// The scene traced.
@@ -126,6 +143,8 @@ impl<'s> Tracer<'s> {
     /// The first surface that the ray meets at 0 < t ≤ `t_max`; `start` names the surfaces on which
     /// it starts.
     pub fn nearest(&self, ray: &Ray, t_max: f64, start: &[Anchor]) -> Option<Hit> {
+        let slabs = Slabs::new(&self.hierarchy, ray)?;
+        let block_ray = BlockRay::new(&slabs.origin, &slabs.direction);
         let shear = Shear::new(ray);
         let ends = self.ends(ray, t_max, start, None);
         let mut best: Option<(u32, Found)> = None;
@@ -146,8 +165,8 @@ impl<'s> Tracer<'s> {
                 *t_max = t;
             }
         };
-        self.hierarchy.along(ray, t_max, |leaf, t_max| {
-            for triangle in self.triangles_of(leaf) {
+        self.hierarchy.along(&slabs, t_max, |leaf, t_max| {
+            for triangle in self.candidates(leaf, &block_ray) {
                 if let Some(found) = meet_triangle(triangle, &shear, ray, *t_max, &ends) {
                     offer(&mut best, t_max, triangle.shape, found);
                 }
@@ -159,12 +178,8 @@ impl<'s> Tracer<'s> {
             }
             false
         });
-        let (shape, (t, mut point)) = best?;
-        let shape = ShapeId(shape);
-        if let Surface::Mesh(m) = &self.scene.shape(shape).surface {
-            point = m.at(point.primitive, point.p, point.q);
-        }
-        Some(Hit { t, anchor: Anchor { shape, point } })
+        let (shape, (t, point)) = best?;
+        Some(Hit { t, anchor: Anchor { shape: ShapeId(shape), point } })
     }
 
     /// Whether anything lies strictly between the ray's start and `t_max`. `start` names the surfaces
@@ -172,15 +187,16 @@ impl<'s> Tracer<'s> {
     /// occlude, other roots of its surface do. Surfaces on which the end lies as far as rounding can
     /// tell (a lamp flush in a ceiling) do not occlude there either.
     pub fn occluded(&self, ray: &Ray, t_max: f64, start: &[Anchor], end: Option<&Anchor>) -> bool {
+        let Some(slabs) = Slabs::new(&self.hierarchy, ray) else { return false };
+        let block_ray = BlockRay::new(&slabs.origin, &slabs.direction);
         let shear = Shear::new(ray);
         let mut ends = self.ends(ray, t_max, start, end);
         ends.end_point =
             t_max.is_finite().then(|| end.map_or_else(|| ray.at(t_max), |e| e.point.x));
         let mut occluded = false;
-        self.hierarchy.along(ray, t_max, |leaf, t_max| {
+        self.hierarchy.along(&slabs, t_max, |leaf, t_max| {
             occluded = self
-                .triangles_of(leaf)
-                .iter()
+                .candidates(leaf, &block_ray)
                 .any(|t| meet_triangle(t, &shear, ray, *t_max, &ends).is_some())
                 || self
                     .others_of(leaf)
@@ -256,10 +272,28 @@ impl<'s> Tracer<'s> {
         &self.scene.shapes[shape as usize].surface
     }
 
+    /// The triangles of a leaf that the ray may meet.
     #[inline(always)]
+    fn candidates(&self, leaf: Leaf, ray: &BlockRay) -> impl Iterator<Item = &Triangle> {
+        let (first, mut bits) = match leaf.class {
+            0 => (
+                self.hierarchy.starts[0][leaf.number] as usize,
+                self.blocks[leaf.number].candidates(ray) & ((1 << leaf.count) - 1),
+            ),
+            _ => (0, 0),
+        };
+        std::iter::from_fn(move || {
+            (bits != 0).then(|| {
+                let i = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                &self.triangles[first + i]
+            })
+        })
+    }
+
     fn triangles_of(&self, leaf: Leaf) -> &[Triangle] {
         match leaf.class {
-            0 => &self.triangles[leaf.first..leaf.first + leaf.count],
+            0 => &self.triangles[self.hierarchy.starts[0][leaf.number] as usize..][..leaf.count],
             _ => &[],
         }
     }
@@ -268,7 +302,8 @@ impl<'s> Tracer<'s> {
     fn others_of(&self, leaf: Leaf) -> &[(u32, u32)] {
         match leaf.class {
             0 => &[],
-            _ => &self.others[leaf.first..leaf.first + leaf.count],
+            // These have a leaf each.
+            _ => &self.others[leaf.number..][..leaf.count],
         }
     }
 
@@ -283,8 +318,12 @@ impl<'s> Tracer<'s> {
         let ends = start.iter().map(|a| (a, ray.direction, 0.0));
         for (anchor, direction, t) in ends.chain(end.map(|a| (a, -ray.direction, t_max))) {
             if let Surface::Mesh(m) = self.surface(anchor.shape.0) {
-                let triangle = m.corners(anchor.point.primitive);
-                let on = border(&triangle, anchor.point.p, anchor.point.q);
+                let SurfacePoint { primitive, p, q, .. } = anchor.point;
+                if !may_be_border(p, q) {
+                    continue;
+                }
+                let triangle = m.corners(primitive);
+                let on = border(&triangle, p, q);
                 if !on.is_empty() {
                     let middle =
                         (triangle[0].coords + triangle[1].coords + triangle[2].coords) / 3.0;
@@ -375,7 +414,7 @@ impl Ends<'_> {
     }
 }
 
-/// The crossing of a ray with a triangle at 0 < t ≤ `t_max`; its point's `x` is yet to be computed.
+/// The crossing of a ray with a triangle at 0 < t ≤ `t_max`.
 #[inline(always)]
 fn meet_triangle(
     triangle: &Triangle,

@@ -2,6 +2,7 @@
 
 use crate::geometry::{Point3, Ray, Vector3};
 use arrayvec::ArrayVec;
+use wide::f32x8;
 
 /// A triangle as it lies in the hierarchy's order.
 #[derive(Clone, Copy, Debug)]
@@ -9,6 +10,77 @@ pub(super) struct Triangle {
     pub corners: [Point3; 3],
     pub shape: u32,
     pub primitive: u32,
+}
+
+/// The triangles of one leaf, eight at a time in single precision in the hierarchy's frame: which of them
+/// the exact test has to look at. Lanes beyond the leaf's count hold anything finite.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block {
+    /// By corner and axis.
+    corners: [[f32x8; 3]; 3],
+}
+
+/// A ray as [`Block::candidates`] wants it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BlockRay {
+    axes: [usize; 3],
+    origin: [f32x8; 3],
+    shear: [f32x8; 2],
+}
+
+impl BlockRay {
+    /// From a ray in the hierarchy's frame, starting in [−2, 2]³.
+    pub fn new(origin: &Vector3, direction: &Vector3) -> Self {
+        let z = direction.iamax();
+        let axes = [(z + 1) % 3, (z + 2) % 3, z];
+        let d = direction;
+        Self {
+            axes,
+            origin: axes.map(|k| f32x8::splat(origin[k] as f32)),
+            shear: [0, 1].map(|i: usize| f32x8::splat((d[axes[i]] / d[z]) as f32)),
+        }
+    }
+}
+
+impl Block {
+    /// From up to eight triangles, corners in the hierarchy's frame.
+    pub fn new(triangles: &[[Vector3; 3]]) -> Self {
+        let lanes = |corner: usize, axis: usize| {
+            f32x8::new(std::array::from_fn(|i| {
+                triangles.get(i).map_or(0.0, |t| t[corner][axis] as f32)
+            }))
+        };
+        Self { corners: [0, 1, 2].map(|c| [0, 1, 2].map(|a| lanes(c, a))) }
+    }
+
+    /// A bit for every triangle that the ray's line may meet; all others it misses for certain.
+    ///
+    /// A corner (of size ≤ 1) and the ray's start (≤ 2) are off by 1.5·2⁻²⁴; their difference (≤ 3)
+    /// rounds by 3·2⁻²⁴; with the sheared direction's rounding, the product's and the last difference's
+    /// the sheared coordinates are off by less than 24·2⁻²⁴. Edge functions, of coordinates c of size ≤ 6,
+    /// are then off by less than 4·DOUBT·(max |c| + DOUBT).
+    #[inline(always)]
+    pub fn candidates(&self, ray: &BlockRay) -> u32 {
+        const DOUBT: f32 = 40.0 / 16_777_216.0;
+        let [kx, ky, kz] = ray.axes;
+        let sheared = |corner: usize| {
+            let c = &self.corners[corner];
+            let z = c[kz] - ray.origin[2];
+            let x = (c[kx] - ray.origin[0]) - ray.shear[0] * z;
+            let y = (c[ky] - ray.origin[1]) - ray.shear[1] * z;
+            (x, y)
+        };
+        let ((ax, ay), (bx, by), (cx, cy)) = (sheared(0), sheared(1), sheared(2));
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let size = (ax.abs().fast_max(ay.abs()).fast_max(bx.abs()))
+            .fast_max(by.abs().fast_max(cx.abs()).fast_max(cy.abs()));
+        let doubt = (size + f32x8::splat(DOUBT)) * f32x8::splat(4.0 * DOUBT);
+        let least = u.fast_min(v).fast_min(w);
+        let most = u.fast_max(v).fast_max(w);
+        !((least.simd_lt(-doubt)) & (most.simd_gt(doubt))).to_bitmask()
+    }
 }
 
 /// Where a line meets a triangle.
@@ -47,7 +119,8 @@ impl Shear {
     #[inline(always)]
     pub fn crossing(&self, corners: &[Point3; 3]) -> Option<TriangleCrossing> {
         let [kx, ky, kz] = self.axes;
-        let [a, b, c] = corners.map(|v| v - self.origin);
+        let (a, b, c) =
+            (corners[0] - self.origin, corners[1] - self.origin, corners[2] - self.origin);
         let s = &self.shear;
         let (ax, ay) = (a[kx] - s.x * a[kz], a[ky] - s.y * a[kz]);
         let (bx, by) = (b[kx] - s.x * b[kz], b[ky] - s.y * b[kz]);
@@ -92,6 +165,16 @@ pub(super) fn in_plane(corners: &[Point3; 3], x: &Point3) -> bool {
     height.abs() <= doubt
 }
 
+/// Weights above this are never on a border: no triangle worth its name has corners that are 1e-6 of its
+/// size off. Nearly all starts are decided by it.
+const BORDER: f64 = 1e-6;
+
+/// Whether [`border`] has to be asked.
+#[inline(always)]
+pub(super) fn may_be_border(p: f64, q: f64) -> bool {
+    (1.0 - p - q).min(p).min(q) <= BORDER
+}
+
 /// The corners of the edge or vertex of a triangle on which its point of weights `p`, `q` lies as far
 /// as rounding can tell, as indices: none (inside), one (a vertex) or two (an edge).
 pub(super) fn border(corners: &[Point3; 3], p: f64, q: f64) -> ArrayVec<usize, 2> {
@@ -101,7 +184,7 @@ pub(super) fn border(corners: &[Point3; 3], p: f64, q: f64) -> ArrayVec<usize, 2
     let height = (b - a).cross(&(c - a)).norm() / longest;
     // A point computed in world coordinates is up to 64 of their ulps off, as for contacts
     // (`contact_tolerance`), which is this much in weights.
-    let slack = 64.0 * f64::EPSILON * (1.0 + size / height);
+    let slack = (64.0 * f64::EPSILON * (1.0 + size / height)).min(BORDER);
     let weights = [1.0 - p - q, p, q];
     (0..3)
         .filter(|&i| weights[i].abs() > slack)
