@@ -20,7 +20,8 @@
 //! 1.96 at normal incidence from air into n = 1.4. [`FactorLaw`] offers both.
 
 use super::media::Interaction;
-use super::wavefront::{Wavefront, condition_number};
+use super::tensor::condition_number;
+use super::wavefront::Wavefront;
 use crate::geometry::{Matrix2, Point3, Rgb, UnitVector3};
 use crate::surface::LocalGeometry;
 

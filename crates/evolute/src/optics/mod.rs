@@ -5,6 +5,7 @@ mod factors;
 mod fresnel;
 mod media;
 mod principal;
+mod tensor;
 mod wavefront;
 
 pub use differential::{Dual, DualRay, DualVector};
@@ -12,4 +13,5 @@ pub use factors::{Chain, CollimatedChain, CollimatedFactors, FactorLaw, Factors,
 pub use fresnel::{ConductorIndex, DielectricBoundary};
 pub use media::{Interaction, Refraction, reflect_direction, refract_direction};
 pub use principal::PrincipalWave;
-pub use wavefront::{Wavefront, condition_number};
+pub use tensor::condition_number;
+pub use wavefront::Wavefront;

@@ -32,7 +32,8 @@
 
 use super::media::{reflect_direction, refract_direction, refraction_gamma};
 use super::principal::PrincipalWave;
-use crate::geometry::{Matrix2, UnitVector3, Vector2, Vector3, tangent_frame};
+use super::tensor::{adjugate, symmetric_eigenvalues};
+use crate::geometry::{Matrix2, UnitVector3, Vector3, tangent_frame};
 use crate::surface::LocalGeometry;
 
 /// A thin pencil of rays around a central ray, at a point of it.
@@ -243,30 +244,6 @@ impl Wavefront {
     }
 }
 
-fn adjugate(m: &Matrix2) -> Matrix2 {
-    Matrix2::new(m[(1, 1)], -m[(0, 1)], -m[(1, 0)], m[(0, 0)])
-}
-
-/// Eigenvalues of the symmetric part.
-fn symmetric_eigenvalues(m: &Matrix2) -> [f64; 2] {
-    let mean = 0.5 * (m[(0, 0)] + m[(1, 1)]);
-    let (half, off) = (0.5 * (m[(0, 0)] - m[(1, 1)]), 0.5 * (m[(0, 1)] + m[(1, 0)]));
-    let radius = (half * half + off * off).sqrt();
-    [mean + radius, mean - radius]
-}
-
-/// Condition number σ₁/σ₂ ≥ 1 of a 2×2 matrix; infinite for a singular one.
-pub fn condition_number(m: &Matrix2) -> f64 {
-    // σ₁ ± σ₂ are the lengths of the matrix's parts that keep and that flip orientation.
-    let keep = Vector2::new(m[(0, 0)] + m[(1, 1)], m[(1, 0)] - m[(0, 1)]).norm();
-    let flip = Vector2::new(m[(0, 0)] - m[(1, 1)], m[(1, 0)] + m[(0, 1)]).norm();
-    let large = 0.5 * (keep + flip);
-    // σ₁σ₂ = |det|, which does not cancel as ½|keep − flip| does.
-    let square = large * large;
-    let det = m.determinant().abs();
-    if det > 0.0 { (square / det).max(1.0) } else { f64::INFINITY }
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -438,16 +415,5 @@ mod tests {
         let (a, b) = (wave.position_jacobian(), wave.direction_jacobian());
         let s = a.transpose() * b;
         assert!((s[(0, 1)] - s[(1, 0)]).abs() < 1e-12 * a.norm() * b.norm());
-    }
-
-    #[test]
-    fn condition_numbers() {
-        close(condition_number(&Matrix2::new(3.0, 0.0, 0.0, -0.5)), 6.0, 1e-15);
-        close(condition_number(&Matrix2::new(0.6, -0.8, 0.8, 0.6)), 1.0, 1e-15);
-        let (s, c) = math::sin_cos(0.4);
-        let turn = Matrix2::new(c, -s, s, c);
-        let m = turn * Matrix2::new(1e7, 0.0, 0.0, 1.0) * turn;
-        assert!((condition_number(&m) / 1e7 - 1.0).abs() < 1e-7);
-        assert!(condition_number(&Matrix2::zeros()).is_infinite());
     }
 }
