@@ -76,8 +76,10 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     // Mitsuba's max_depth counts the edges of a path: one from a lamp straight to the receiver.
     let depth = scene.max_depth.unwrap_or(u32::MAX);
     settings.max_specular = settings.max_specular.min(depth.saturating_sub(1));
-    let computed =
-        Components { direct: asked.direct && depth > 0, specular: asked.specular && depth > 1 };
+    let computed = Components {
+        direct: asked.direct && depth > 0,
+        specular: asked.specular && settings.max_specular > 0,
+    };
     let transfer = Transfer::new(&scene, &tracer, settings);
     summary.lap("prepare");
 

@@ -71,31 +71,29 @@ pub fn detail(common: &Common, text: &str) {
 /// Reads and checks a scene; its notices go to standard error.
 pub fn load(path: &Path, common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
     let loaded = evolute::scene::load_file(path, &common.define);
-    accept(loaded, path.display().to_string(), common, summary)
-}
-
-/// The scene that is part of the program.
-pub fn load_built_in(common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
-    const ROOM: &str = include_str!("../../../cases/room/scene.xml");
-    let loaded = evolute::scene::load_str("room.xml", ROOM, &common.define);
-    accept(loaded, "the built-in room".into(), common, summary)
-}
-
-fn accept(
-    loaded: Result<Loaded, evolute::scene::SceneError>,
-    name: String,
-    common: &Common,
-    summary: &mut Summary,
-) -> Result<Scene, Failure> {
     let loaded = loaded.map_err(|e| Failure::Input(e.to_string()))?;
     for notice in &loaded.notices {
         note(common, notice.trim_end());
     }
-    summary.set("scene", name);
+    summary.set("scene", path.display().to_string());
+    Ok(finish(loaded, common, summary))
+}
+
+/// The scene that is part of the program. Nobody needs its notices: they are for those who write
+/// scenes.
+pub fn load_built_in(common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
+    const ROOM: &str = include_str!("../../../cases/room/scene.xml");
+    let loaded = evolute::scene::load_str("room.xml", ROOM, &common.define);
+    let loaded = loaded.map_err(|e| Failure::Input(e.to_string()))?;
+    summary.set("scene", "room");
+    Ok(finish(loaded, common, summary))
+}
+
+fn finish(loaded: Loaded, common: &Common, summary: &mut Summary) -> Scene {
     summary.set("notices", loaded.notices);
     let seconds = summary.lap("load");
     detail(common, &format!("scene read and checked in {seconds:.3} s"));
-    Ok(loaded.scene)
+    loaded.scene
 }
 
 /// Accuracy and limits as the command line asks for them.

@@ -331,6 +331,28 @@ fn an_exhausted_time_limit_writes_and_ends_with_3() {
     assert!(folder.0.join("a.exr").exists());
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_with_130_and_writes_nothing() {
+    let folder = Folder::new("interrupt");
+    folder.write("s.xml", SCENE);
+    // Enough work for much longer than the test waits.
+    let mut points = String::from("x,y,z,nx,ny,nz\n");
+    points += &"0.3,0.2,0.1,0.1,0.2,1\n".repeat(300_000);
+    folder.write("p.csv", points);
+    let mut child = Command::new(env!("CARGO_BIN_EXE_evolute"))
+        .args(["probe", "s.xml", "--points", "p.csv", "-o", "light.csv", "-a", "1e-5", "-t", "1"])
+        .current_dir(&folder.0)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(folder.names(), ["p.csv", "s.xml"]);
+}
+
 #[test]
 fn one_thread_and_two_threads_write_the_same_bits() {
     let folder = Folder::new("threads");

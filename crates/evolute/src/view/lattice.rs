@@ -188,12 +188,13 @@ impl Lattice {
             let computed: Vec<_> = batch
                 .par_iter()
                 .map(|(x, y)| {
-                    let (x, y) = (f64::from(*x), f64::from(*y));
-                    let unit = f64::from(UNITS);
-                    view.lit(&view.sight(x / unit, y / unit))
+                    let at = |units: u32| f64::from(units) / f64::from(UNITS);
+                    let go = (control.order)() == Order::Go;
+                    go.then(|| view.lit(&view.sight(at(*x), at(*y))))
                 })
                 .collect();
-            for (at, (node, counts, unmet)) in batch.iter().zip(computed) {
+            for (at, computed) in batch.iter().zip(computed) {
+                let Some((node, counts, unmet)) = computed else { return false };
                 self.counts += counts;
                 self.receivers += node.len() as u64;
                 self.unmet += unmet;

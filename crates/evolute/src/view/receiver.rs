@@ -13,6 +13,8 @@ pub(super) struct Lighting<'s> {
     transfers: Vec<Transfer<'s>>,
     /// `max_depth` − 1: most interactions of a whole path, the diffuse one included.
     interactions: Option<u32>,
+    /// Whether any chain is allowed at all.
+    specular: bool,
 }
 
 impl<'s> Lighting<'s> {
@@ -28,7 +30,7 @@ impl<'s> Lighting<'s> {
             }
             _ => vec![with(settings.max_specular)],
         };
-        Self { transfers, interactions }
+        Self { transfers, interactions, specular: settings.max_specular > 0 }
     }
 
     /// Longest chain to the eye that ends on a lamp [interactions].
@@ -46,7 +48,7 @@ impl<'s> Lighting<'s> {
             Some(n) if n <= leaf.depth => return ReceiverLight { met: true, ..Default::default() },
             Some(n) => n - leaf.depth - 1,
         };
-        let components = Components { specular: left > 0, ..both };
+        let components = Components { specular: self.specular && left > 0, ..both };
         let longest = self.transfers.len() - 1;
         let transfer = &self.transfers[longest.min(usize::try_from(left).unwrap_or(longest))];
         transfer.light(&receiver, components)
