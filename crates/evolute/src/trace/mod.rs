@@ -442,8 +442,9 @@ fn meet_triangle(
     {
         return None;
     }
-    let point = SurfacePoint { primitive: triangle.primitive, p: c.p, q: c.q, x: Point3::origin() };
-    Some((c.t, point))
+    let [corner, second, third] = &triangle.corners;
+    let x = corner + (second - corner) * c.p + (third - corner) * c.q;
+    Some((c.t, SurfacePoint { primitive: triangle.primitive, p: c.p, q: c.q, x }))
 }
 
 enum AtBorder {

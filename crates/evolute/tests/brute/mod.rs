@@ -6,7 +6,7 @@
 
 use evolute::geometry::{Point3, Ray, Rgb, Transform, Vector3};
 use evolute::scene::{Material, Scene, Shape, ShapeId, SideMaterial};
-use evolute::surface::{Cylinder, Disk, Mesh, Rectangle, Sphere, Surface};
+use evolute::surface::{Cylinder, Disk, Mesh, Rectangle, Sphere, Surface, SurfacePoint};
 use evolute::trace::{Anchor, Tracer};
 use std::f64::consts::{PI, TAU};
 
@@ -261,6 +261,22 @@ pub fn first(surface: &Surface, ray: &Ray, t_max: f64, own: Option<u32>) -> Answ
     }
 }
 
+/// Distance of a point from its surface by the surface's equation [m].
+pub fn residual(surface: &Surface, point: &SurfacePoint) -> f64 {
+    let x = &point.x;
+    match surface {
+        Surface::Rectangle(s) => s.normal().dot(&(x - s.centre())).abs(),
+        Surface::Disk(s) => s.normal().dot(&(x - s.centre())).abs(),
+        Surface::Sphere(s) => s.distance(x),
+        Surface::Cylinder(s) => s.distance(x),
+        Surface::Mesh(m) => {
+            let n = m.area_vector(point.primitive).normalize();
+            n.dot(&(x - m.corners(point.primitive)[0])).abs()
+        }
+        Surface::Parametric(p) => (x - p.position(point.p, point.q)).norm(),
+    }
+}
+
 /// What a comparison found.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
@@ -273,6 +289,8 @@ pub struct Tally {
     pub disagreements: Vec<String>,
     /// Largest distance of a reported point from the ray, over the size of the coordinates.
     pub off_ray: f64,
+    /// Largest residual of a reported point in its surface's equation, over the same.
+    pub off_surface: f64,
 }
 
 /// Sends `count` rays at a scene: 10 % graze a surface, 10 % start on one.
@@ -345,6 +363,8 @@ pub fn compare(scene: &Scene, seed: u64, count: usize) -> Tally {
                 let surface = &scene.shape(hit.anchor.shape).surface;
                 let x = hit.anchor.point.x;
                 tally.off_ray = tally.off_ray.max((x - ray.at(hit.t)).norm() / coordinates);
+                tally.off_surface =
+                    tally.off_surface.max(residual(surface, &hit.anchor.point) / coordinates);
                 let slope = surface
                     .local(&hit.anchor.point)
                     .map_or(0.0, |l| l.ng.dot(&ray.direction.normalize()).abs());
