@@ -14,7 +14,9 @@
 //! (1−α) cos i/cos t, since flux is kept and the cross-section changes by cos t/cos i. With it, and
 //! with the reciprocity of the ray map (Straubel; conservation of étendue), for every chain
 //!
-//!     IF · AF = (n_P/n_X)² Π R_i.
+//! ```text
+//! IF · AF = (n_P/n_X)² Π R_i.
+//! ```
 //!
 //! As printed the product is larger by (n_P/n_X)² Π cos t/cos i (light running from X to P):
 //! 1.96 at normal incidence from air into n = 1.4. [`FactorLaw`] offers both.

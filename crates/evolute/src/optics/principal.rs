@@ -6,9 +6,11 @@
 //! and v across it, both waves and the surface have normal curvatures κ_u, κ_v and a torsion κ_uv by
 //! Euler's formula, and
 //!
-//!     n₂ κ'_u = n₁ κ_u + γ S_u
-//!     n₂ κ'_uv cos t = n₁ κ_uv cos i + γ S_uv
-//!     n₂ κ'_v cos² t = n₁ κ_v cos² i + γ S_v
+//! ```text
+//! n₂ κ'_u = n₁ κ_u + γ S_u
+//! n₂ κ'_uv cos t = n₁ κ_uv cos i + γ S_uv
+//! n₂ κ'_v cos² t = n₁ κ_v cos² i + γ S_v
+//! ```
 //!
 //! after which Euler's formula is inverted. Here κ is positive when converging, S with respect to the
 //! normal N, and γ that of n₂d₂ − n₁d₁ = γN; at a reflection the cosine after is −cos i along N, which

@@ -17,7 +17,9 @@
 //! part, in which δγ drops out: n₂ δd₂ = n₁ δd₁ − γ Sτ. With G_jk = e'_j·τ_k (old → new transverse
 //! coordinates: the same point of the surface) this reads
 //!
-//!     A' = G A,    B' = G⁻ᵀ (n₁ B − γ Q A)/n₂,    Q_jk = τ_jᵀ S τ_k,
+//! ```text
+//! A' = G A,    B' = G⁻ᵀ (n₁ B − γ Q A)/n₂,    Q_jk = τ_jᵀ S τ_k,
+//! ```
 //!
 //! or for tensors n₂ GᵀK'G = n₁ K + γ Q. In surface coordinates it is
 //! n₂ P₂K₂P₂ᵀ = n₁ P₁K₁P₁ᵀ − (n₁ d₁·N − n₂ d₂·N) S with P_ij = t_i·e_j. N → −N changes the sign of

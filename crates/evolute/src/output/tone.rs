@@ -5,7 +5,8 @@ use crate::geometry::math;
 /// How scene radiance becomes display brightness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exposure {
-    /// Radiance is multiplied by 2^`ev`; a product of one is shown as bright as [`KNEE`] leaves it.
+    /// Radiance is multiplied by 2^`ev`; a product of one is shown at three quarters of the
+    /// display's linear brightness.
     pub ev: f64,
 }
 
@@ -48,7 +49,7 @@ impl Exposure {
 
 /// Linear scene values (already multiplied by the exposure) as sRGB display values in 0 ..= 255.
 ///
-/// Proportional up to [`KNEE`]; above, the largest channel is bent towards one and the others keep
+/// Proportional up to a half; above, the largest channel is bent towards one and the others keep
 /// their ratio to it, so that a highlight neither clips nor changes its hue.
 pub fn display_rgb(linear: [f64; 3]) -> [u8; 3] {
     let linear = linear.map(|x| if x.is_nan() { 0.0 } else { x.clamp(0.0, 1e30) });
