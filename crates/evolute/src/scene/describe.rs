@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::description::{Child, Kind, Object, Property, SceneDescription, Spectrum, Value};
-use super::message::{Checked, Complaint, nearest, one_of, quoted};
+use super::message::{Checked, Complaint, listed, nearest, quoted};
 
 use super::number;
 use super::source::{MAX_SCENE_BYTES, Sources, Span, read_bytes};
@@ -253,7 +253,7 @@ impl Describer {
                     let allowed = transform_tag::attributes(&tag).ok_or_else(|| {
                         Complaint::at(step.name, format!("unknown transform step <{tag}>"))
                             .maybe_meant(nearest(&tag, transform_tag::NAMES))
-                            .help(format!("steps are {}", one_of(transform_tag::NAMES)))
+                            .help(format!("steps are {}", listed(transform_tag::NAMES, "and")))
                     })?;
                     steps.push((tag, self.leaf(step, allowed)?));
                 }
@@ -314,13 +314,15 @@ impl Describer {
             return Err(Complaint::at(
                 name.span,
                 format!("files include each other more than {MAX_INCLUDES_DEEP} deep"),
-            ));
+            )
+            .help("include the files from the scene itself"));
         }
         if self.sources.names().count() >= MAX_FILES {
             return Err(Complaint::at(
                 name.span,
                 format!("the scene includes more than {MAX_FILES} files"),
-            ));
+            )
+            .help("files that include each other multiply: include each once, from the scene"));
         }
         let left = MAX_SCENE_BYTES.saturating_sub(self.sources.total_bytes());
         let bytes = read_bytes(&path, left).map_err(|why| cannot_read(name, &path, &why))?;
@@ -381,7 +383,7 @@ impl Describer {
                     format!("unknown attribute {} of <{tag}>", quoted(&name)),
                 )
                 .maybe_meant(nearest(&name, allowed.iter().copied()))
-                .help(format!("<{tag}> takes {}", one_of(allowed.iter().copied()))));
+                .help(format!("<{tag}> takes {}", listed(allowed.iter().copied(), "and"))));
             }
             list.push((name, self.parameters.expand(&self.sources, attribute.value)?));
         }

@@ -2,7 +2,7 @@
 
 use crate::geometry::Rgb;
 
-use super::message::{Checked, Complaint, nearest, one_of, quoted};
+use super::message::{Checked, Complaint, listed, nearest, quoted};
 
 use super::text::Text;
 
@@ -97,7 +97,7 @@ pub(super) fn dielectric(name: &Text) -> Checked<f64> {
         if wanted.parse::<f64>().is_ok() {
             return complaint.help("a number is a <float>, not a <string>");
         }
-        let known = one_of(MEDIA.iter().map(|m| m.0)).replace(" or ", " and ");
+        let known = listed(MEDIA.iter().map(|m| m.0), "and");
         complaint
             .maybe_meant(nearest(&wanted, MEDIA.iter().map(|m| m.0)))
             .help(format!("known are {known}; or give a number"))

@@ -142,14 +142,19 @@ pub(super) fn quoted(text: &str) -> impl fmt::Display {
     format!("\"{shown}\"")
 }
 
-/// `a, b or c`.
-pub(super) fn one_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+/// `a, b and c`, with the word given.
+pub(super) fn listed<'a>(names: impl IntoIterator<Item = &'a str>, word: &str) -> String {
     let names: Vec<&str> = names.into_iter().collect();
     match names.as_slice() {
         [] => "nothing".to_string(),
         [only] => (*only).to_string(),
-        [first @ .., last] => format!("{} or {last}", first.join(", ")),
+        [first @ .., last] => format!("{} {word} {last}", first.join(", ")),
     }
+}
+
+/// A number as one would write it: `0.5`, `1e308`.
+pub(super) fn shown(x: f64) -> String {
+    if x == 0.0 || (1e-4..1e9).contains(&x.abs()) { format!("{x}") } else { format!("{x:e}") }
 }
 
 /// The known name nearest to a misspelt one, if it is near.

@@ -36,7 +36,8 @@ pub(super) fn boolean(text: &Text) -> Checked<bool> {
         "true" => Ok(true),
         "false" => Ok(false),
         other => {
-            Err(Complaint::at(text.span, format!("{} is neither true nor false", quoted(other))))
+            Err(Complaint::at(text.span, format!("{} is neither true nor false", quoted(other)))
+                .help("write value=\"true\" or value=\"false\""))
         }
     }
 }
@@ -87,13 +88,15 @@ pub(super) fn words(text: &str) -> impl Iterator<Item = Range<usize>> + '_ {
 pub(super) fn float_in(text: &Text, range: Range<usize>) -> Checked<f64> {
     let digits = &text.value[range.clone()];
     let place = || if digits.is_empty() { text.span } else { text.locate(range.clone()) };
-    let value = digits
-        .parse::<f64>()
-        .map_err(|_| Complaint::at(place(), format!("{} is not a number", quoted(digits))))?;
+    let value = digits.parse::<f64>().map_err(|_| {
+        Complaint::at(place(), format!("{} is not a number", quoted(digits)))
+            .help("write digits with a decimal point, without a unit: 0.5, -2, 1e3")
+    })?;
     if value.is_finite() {
         Ok(value)
     } else {
-        Err(Complaint::at(place(), format!("{} is not a finite number", quoted(digits))))
+        Err(Complaint::at(place(), format!("{} is not a finite number", quoted(digits)))
+            .help("write digits with a decimal point, without a unit: 0.5, -2, 1e3"))
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::geometry::{Point3, Rgb, Transform};
 
 use super::description::{Object, Property, Spectrum, Value};
-use super::message::{Checked, Complaint, quoted};
+use super::message::{Checked, Complaint, quoted, shown};
 use super::number;
 use super::placement::MAX_COORDINATE;
 use super::source::Span;
@@ -44,8 +44,9 @@ impl Object {
         match self.float(name)? {
             Some(x) if !fine(x) => Err(Complaint::at(
                 self.place(name),
-                format!("{} must be {rule}, but it is {x}", quoted(name)),
-            )),
+                format!("{} must be {rule}, but it is {}", quoted(name), shown(x)),
+            )
+            .help(format!("change the value, or leave {} out for its default", quoted(name)))),
             other => Ok(other),
         }
     }
@@ -137,14 +138,14 @@ impl Object {
         // Channels are squared, and summed over chains: far from the end of the doubles' range.
         const MOST: f64 = 1e100;
         if colour.0.iter().any(|c| c.is_nan() || *c > MOST) {
-            return Err(say("is too large a number"));
+            return Err(say("is too large a number").help("the unit of radiance is W/(m² sr)"));
         }
         let negative = match self.property(name).map(|p| &p.value) {
             Some(Value::Spectrum(Spectrum::Samples(samples))) => samples.iter().any(|s| s.1 < 0.0),
             _ => colour.0.iter().any(|c| *c < 0.0),
         };
         if negative {
-            return Err(say("must not be negative"));
+            return Err(say("must not be negative").help("0 is the least: no light"));
         }
         Ok(Some(colour))
     }
@@ -166,7 +167,8 @@ impl Object {
                     "{} must be between 0 and 1: nothing sends back more light than it gets",
                     quoted(name)
                 ),
-            )),
+            )
+            .help("shares of the light, a channel: value=\"0.5, 0.5, 0.5\"")),
             _ => Ok(colour),
         }
     }
@@ -234,7 +236,7 @@ pub(super) fn word<'a>(text: &Text, known: &[&'a str]) -> Checked<&'a str> {
             format!("{} is not one of the words that may stand here", quoted(given)),
         )
         .maybe_meant(super::message::nearest(given, known.iter().copied()))
-        .help(format!("write {}", super::message::one_of(known.iter().copied())))
+        .help(format!("write {}", super::message::listed(known.iter().copied(), "or")))
     })
 }
 

@@ -1,7 +1,7 @@
 //! The plugins that are known, their properties, and what may be inside them.
 
 use super::description::{Kind, Object, SceneDescription};
-use super::message::{Checked, Complaint, nearest, one_of, quoted};
+use super::message::{Checked, Complaint, listed, nearest, quoted};
 
 /// One plugin.
 struct Plugin {
@@ -233,9 +233,8 @@ fn check_object(description: &SceneDescription, object: &Object) -> Checked<()> 
         .maybe_meant(nearest(given, plugin.properties.iter().copied()));
         return Err(match plugin.properties {
             [] => complaint.help("it has no properties"),
-            known => {
-                complaint.help(format!("its properties are {}", one_of(known.iter().copied())))
-            }
+            known => complaint
+                .help(format!("its properties are {}", listed(known.iter().copied(), "and"))),
         });
     }
     for child in &object.children {
@@ -253,7 +252,7 @@ fn check_object(description: &SceneDescription, object: &Object) -> Checked<()> 
             .related(object.span, "inside this")
             .help(match plugin.children {
                 [] => "nothing can".to_string(),
-                kinds => format!("{} can", one_of(kinds.iter().map(|k| k.tag()))),
+                kinds => format!("{} can", listed(kinds.iter().map(|k| k.tag()), "or")),
             }));
         }
     }
@@ -278,5 +277,5 @@ fn unknown_plugin(object: &Object) -> Complaint {
     } else {
         complaint.maybe_meant(nearest(name, known()))
     };
-    complaint.help(format!("known {tag}s are {}", one_of(known()).replace(" or ", " and ")))
+    complaint.help(format!("known {tag} plugins: {}", listed(known(), "and")))
 }

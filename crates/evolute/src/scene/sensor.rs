@@ -3,7 +3,7 @@
 use crate::geometry::{Transform, math};
 
 use super::description::{Kind, Object, SceneDescription};
-use super::message::{Checked, Complaint};
+use super::message::{Checked, Complaint, shown};
 use super::model::{Film, ReconstructionFilter, Sensor};
 use super::properties::{with_unit, word};
 
@@ -35,7 +35,8 @@ pub(super) fn sensor(
         return Err(Complaint::at(
             object.place(place),
             format!("near_clip, {near}, must be smaller than far_clip, {far}"),
-        ));
+        )
+        .help("nothing would be seen: raise far_clip or lower near_clip"));
     }
     let offset = |name: &str| {
         let range = object.float_where(name, "between −10 and 10", |x| x.abs() <= 10.0);
@@ -79,8 +80,9 @@ fn fov_x(object: &Object, film: &Film) -> Checked<f64> {
             if !(fov > 0.0 && fov < 180.0) {
                 return Err(Complaint::at(
                     object.place("fov"),
-                    format!("\"fov\" must be between 0 and 180 degrees, but it is {fov}"),
-                ));
+                    format!("\"fov\" must be between 0 and 180 degrees, but it is {}", shown(fov)),
+                )
+                .help("40 is usual"));
             }
             let axes = ["x", "y", "diagonal", "smaller", "larger"];
             let axis = object.string("fov_axis")?.map_or(Ok("x"), |text| word(text, &axes))?;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::message::{Checked, Complaint, nearest, one_of, quoted};
+use super::message::{Checked, Complaint, listed, nearest, quoted};
 
 use super::source::{Sources, Span};
 
@@ -140,7 +140,9 @@ impl Parameters {
             Complaint::nowhere(format!("the scene does not use the parameter {}", quoted(name)))
                 .maybe_meant(nearest(name, others()));
         Err(match others().next() {
-            Some(_) => complaint.help(format!("its parameters are {}", one_of(others().take(20)))),
+            Some(_) => {
+                complaint.help(format!("its parameters are {}", listed(others().take(20), "and")))
+            }
             None => complaint.help("it has no parameters"),
         })
     }

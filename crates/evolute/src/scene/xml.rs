@@ -153,8 +153,8 @@ impl DocumentReader<'_> {
         let name = self.span_of(tag.name().0);
         if let Some(root) = &self.root {
             return Err(Complaint::at(name, "a second root element")
-                .label("everything must be inside the first")
-                .related(root.name, "the first"));
+                .related(root.name, "the first")
+                .help("an XML file has one: put everything inside it, or remove the second"));
         }
         if name.start == name.end {
             return Err(Complaint::at(name, "a tag without a name"));

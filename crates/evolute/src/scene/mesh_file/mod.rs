@@ -54,6 +54,7 @@ pub(super) fn mesh(
             name.span,
             format!("the mesh {} is not right: {why}", quoted(&path.to_string_lossy())),
         )
+        .help("repair the file, or export it again")
     };
     let mut raw = raw.map_err(|why| refused(&path, why))?;
     drop(bytes);
