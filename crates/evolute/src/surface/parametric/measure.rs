@@ -14,6 +14,10 @@ const SINGULAR: f64 = 1e-6;
 const STEP: f64 = 1.0 / 512.0;
 const SAMPLES: usize = 6;
 
+/// Most cells that the area takes: some seconds of work. Smooth surfaces take tens to hundreds; only
+/// folds all over the domain ask for more, and get what accuracy they have by then.
+const MAX_AREA_CELLS: usize = 200_000;
+
 /// How far the limits along two directions may differ and still be called one (normals: absolutely;
 /// their derivatives: relatively).
 const AGREEMENT: f64 = 1e-5;
@@ -136,12 +140,15 @@ impl Parametric {
 
     /// Area [m²] to within the share `accuracy` of it, as far as an estimate can tell: each cell is
     /// split until its value and the sum of its quarters agree. Kinks and poles are resolved down to a
-    /// 2⁻²⁰ part of the domain.
+    /// 2⁻²⁰ part of the domain, or until 200,000 cells are spent.
     pub fn area(&self, accuracy: f64) -> f64 {
-        // The leaves say where the surface bends: their sum sets the scale.
-        let scale: f64 = self.leaves.patches.iter().map(|p| p.area()).sum();
+        // The leaves say where the surface bends: their sum sets the scale, with a plain grid beside
+        // it, as all their centres may lie where the parametrisation is singular.
+        let leaves: f64 = self.leaves.patches.iter().map(|p| p.area()).sum();
+        let scale = if leaves > 0.0 { leaves } else { self.area_by_grid() };
         let tolerance = accuracy * scale;
         let mut total = 0.0;
+        let mut cells = 0;
         let mut waiting = vec![(Cell::DOMAIN, self.area_over(Cell::DOMAIN), 0)];
         while let Some((cell, coarse, depth)) = waiting.pop() {
             let parts = cell.split(0).map(|c| c.split(1)).concat();
@@ -150,13 +157,22 @@ impl Parametric {
             // Each cell may err in proportion to its share of the domain; two levels are forced.
             let share = 4.0 * cell.half[0] * cell.half[1];
             let met = (sum - coarse).abs() <= tolerance * share;
-            if (met && depth >= 2) || depth >= 20 || !sum.is_finite() {
+            cells += 1;
+            let spent = cells > MAX_AREA_CELLS;
+            if (met && depth >= 2) || depth >= 20 || spent || !sum.is_finite() {
                 total += sum;
             } else {
                 waiting.extend((0..4).map(|i| (parts[i], fine[i], depth + 1)));
             }
         }
         total
+    }
+
+    /// Area [m²] by 8 × 8 cells, enough for a scale.
+    fn area_by_grid(&self) -> f64 {
+        let half = [0.5 / 8.0; 2];
+        let centre = |i: usize| (i as f64 + 0.5) / 8.0;
+        (0..64).map(|i| self.area_over(Cell { centre: [centre(i % 8), centre(i / 8)], half })).sum()
     }
 
     /// Gauss's rule of 4 × 4 points for |x_s × x_t| over a cell [m²].
