@@ -25,6 +25,8 @@ use crate::optics::Dual;
 
 /// First grid of a domain: 8 × 8 cells.
 pub const FIRST_LEVEL: u32 = 3;
+/// First grid for chains of little throughput: 4 × 4 cells, which the criteria divide where they must.
+pub const COARSE_LEVEL: u32 = 2;
 /// Cells are not divided below this level: sides still have ten bits for bisection.
 const LAST_LEVEL: u32 = 14;
 /// Share of the tolerance that one cell's curves may be straightened for.
@@ -92,6 +94,8 @@ pub struct Quadrature<'s, 'l> {
     lamps: &'l [Lamp],
     criteria: Criteria,
     terms: Vec<Term<'s>>,
+    /// Level of each term's first grid.
+    first: Vec<u32>,
     cells: Vec<Cell>,
     queue: BinaryHeap<Candidate>,
     /// Luminance and error of all leaves so far.
@@ -119,6 +123,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             lamps,
             criteria,
             terms: Vec::new(),
+            first: Vec::new(),
             cells: Vec::new(),
             queue: BinaryHeap::new(),
             luminance: 0.0,
@@ -149,17 +154,23 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         sum
     }
 
-    /// Adds a term with its first grid of cells.
-    pub fn add(&mut self, term: Term<'s>, tolerance: f64) {
+    /// Adds a term with its first grid of 4^`first` cells.
+    pub fn add(&mut self, term: Term<'s>, first: u32, tolerance: f64) {
         let index = self.terms.len() as u32;
         self.terms.push(term);
-        let n = 1u32 << FIRST_LEVEL;
-        let step = 1u32 << (GRID_BITS - FIRST_LEVEL);
+        self.first.push(first);
+        let n = 1u32 << first;
+        let step = 1u32 << (GRID_BITS - first);
         for i in 0..n {
             for j in 0..n {
-                self.place(index, FIRST_LEVEL, i * step, j * step, tolerance);
+                self.place(index, first, i * step, j * step, tolerance);
             }
         }
+    }
+
+    /// The largest error of a cell that can be divided; zero if there is none.
+    pub fn worst(&self) -> f64 {
+        self.queue.peek().map_or(0.0, |c| c.error)
     }
 
     /// Divides the worst cell; the word whose chains it traced, or `None` if nothing can be divided.
@@ -258,6 +269,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     }
 
     fn estimate(&mut self, term: usize, level: u32, i: u32, j: u32, tolerance: f64) -> Estimate {
+        let first = self.first[term];
         let side = 1u32 << (GRID_BITS - level);
         let h = 1.0 / f64::from(1u32 << level);
         let area = h * h;
@@ -276,7 +288,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             // A chain that exists nowhere on the corners may still exist inside.
             let Some(centre) = self.sample(term, centre_at) else { return Estimate::DARK };
             let most = centre.weight[0].v.abs() * area * radiance.luminance();
-            return Estimate { integral: Rgb::BLACK, error: most, divide: level <= FIRST_LEVEL };
+            return Estimate { integral: Rgb::BLACK, error: most, divide: level <= first };
         }
         let edge_count = corners.iter().flatten().map(|c| c.edges.len()).min().unwrap_or(0);
         let mut edges: ArrayVec<Patch, MAX_FIELD_EDGES> = ArrayVec::new();
@@ -292,10 +304,10 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         // Criteria 1 to 3 look at the corners alone.
         if level < LAST_LEVEL {
             let c = &self.criteria;
-            let coarse = level < FIRST_LEVEL + 3;
+            let coarse = level < first + 3;
             let forced = (coarse && c.solid_angle.is_some_and(|c| c.divides(&corners, area)))
                 || (coarse && c.normal_variation.is_some_and(|c| c.divides(&corners)))
-                || c.matching_trees.is_some_and(|c| c.divides(&corners, level - FIRST_LEVEL));
+                || c.matching_trees.is_some_and(|c| c.divides(&corners, level - first));
             if forced {
                 return Estimate { integral: Rgb::BLACK, error: 0.0, divide: true };
             }
@@ -389,7 +401,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             // All five rays are free; a proof is asked for what stands between them.
             if let Term::Direct(field, _) = &self.terms[term] {
                 let (a, b) = at(0, 0).coordinates();
-                if field.may_hide(a, b, h, level < FIRST_LEVEL + 2) {
+                if field.may_hide(a, b, h, level < first + 2) {
                     error = error.max(whole * HIDDEN_SHARE);
                 }
             }

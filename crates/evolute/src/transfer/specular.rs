@@ -5,7 +5,7 @@ use super::chain::{Event, Visibility};
 use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
 use super::field::DirectField;
-use super::quadrature::{FIRST_LEVEL, Quadrature, Term};
+use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
 use super::settings::{Components, Receiver, ReceiverLight, WordShare};
 use super::shaft::suspects;
 use super::word::{GRID_BITS, GridPoint, WordId, Words};
@@ -16,6 +16,12 @@ use crate::surface::Surface;
 /// Share of the tolerance that a word may be worth to be left out; what is left out is added to the
 /// error.
 const CUT_WORD_SHARE: f64 = 0.01;
+/// Words whose mean throughput falls below this share of the relative accuracy are left out: what is
+/// seen through them would have to be ten times brighter than all else to matter. The error takes
+/// them for as bright as the brightest word so far.
+const CUT_THROUGHPUT_SHARE: f64 = 0.1;
+/// Below this throughput a coarse first grid does: what it could miss is worth as much less.
+const COARSE_THROUGHPUT: f64 = 0.1;
 /// The bound of a word's worth comes from samples; this covers what lies between them.
 const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 /// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
@@ -35,7 +41,7 @@ impl<'s> Transfer<'s> {
         if components.direct {
             self.begin_direct(receiver, &mut quadrature, &mut closed);
         }
-        let mut cut = 0.0;
+        let mut left = Left::default();
         let tolerance = |q: &Quadrature<'_, '_>, closed: &Rgb| {
             let luminance = (q.luminance() + closed.luminance()).max(0.0);
             (self.settings.relative * luminance).max(self.settings.absolute)
@@ -47,18 +53,26 @@ impl<'s> Transfer<'s> {
                     level.extend(quadrature.words.begin(ShapeId(k)));
                 }
             }
-            self.follow(&mut quadrature, level, &mut cut, |q| tolerance(q, &closed));
+            self.follow(&mut quadrature, level, &mut left, |q| tolerance(q, &closed));
         }
         let mut met = true;
         loop {
             let allowed = tolerance(&quadrature, &closed);
-            // Half of what is cut has no cell to divide; the rest of the tolerance is the cells'.
-            if quadrature.error() + cut <= allowed || self.settings.criteria.quadrature.is_none() {
+            if quadrature.error() + left.error() <= allowed
+                || self.settings.criteria.quadrature.is_none()
+            {
                 break;
             }
             if quadrature.cell_count() >= self.settings.max_cells {
                 met = false;
                 break;
+            }
+            // What was left out competes with the cells.
+            if left.worst() > quadrature.worst() {
+                if let Some(word) = left.take_worst() {
+                    self.enter(&mut quadrature, word, &mut left, |q| tolerance(q, &closed));
+                }
+                continue;
             }
             let Some(word) = quadrature.divide_worst(allowed) else {
                 met = false;
@@ -69,7 +83,7 @@ impl<'s> Transfer<'s> {
                     && quadrature.words.depth(word) < self.settings.max_specular
                 {
                     let found = quadrature.words.continue_word(word);
-                    self.follow(&mut quadrature, found, &mut cut, |q| tolerance(q, &closed));
+                    self.follow(&mut quadrature, found, &mut left, |q| tolerance(q, &closed));
                 }
             }
         }
@@ -90,7 +104,7 @@ impl<'s> Transfer<'s> {
         let light = ReceiverLight {
             direct: direct + closed,
             specular,
-            error: error + cut,
+            error: error + left.error(),
             met,
             counts: quadrature.counts(),
         };
@@ -134,54 +148,131 @@ impl<'s> Transfer<'s> {
             let on_surface = contacts.iter().any(|c| c.shape == id);
             for domain in Domain::of(&shape.surface, &receiver.position, on_surface) {
                 let field = DirectField::new(domain, id, *receiver, self.tracer, hidden_by.clone());
-                quadrature.add(Term::Direct(Box::new(field), shape.radiance), 0.0);
+                quadrature.add(Term::Direct(Box::new(field), shape.radiance), FIRST_LEVEL, 0.0);
             }
         }
     }
 
-    /// Adds the terms of words and of all that follow, level by level, until what a word can be
-    /// worth falls below its share of the tolerance.
+    /// Adds the terms of words and of all that follow, level by level, and leaves out what can be
+    /// worth little.
     fn follow(
         &self,
         quadrature: &mut Quadrature<'s, '_>,
         mut level: Vec<WordId>,
-        cut: &mut f64,
+        left: &mut Left,
         tolerance: impl Fn(&Quadrature<'_, '_>) -> f64,
     ) {
         let brightest = self.lamps.iter().fold(0f64, |m, l| m.max(l.radiance.luminance()));
-        let mut followed = 0;
         while !level.is_empty() {
             let mut next = Vec::new();
             for word in level {
-                let allowed = tolerance(quadrature);
-                let (worth, reaches) = look(&mut quadrature.words, word);
-                let worth = worth * brightest * SAMPLED_BOUND_MARGIN;
-                if worth == 0.0 {
+                let look = look(&mut quadrature.words, word);
+                if look.passed == 0.0 {
                     continue;
                 }
-                followed += 1;
-                if worth < CUT_WORD_SHARE * allowed || followed > MAX_WORDS {
-                    *cut += worth;
+                let bound = look.passed * brightest * SAMPLED_BOUND_MARGIN;
+                let throughput = look.passed / look.offered;
+                let small = bound < CUT_WORD_SHARE * tolerance(quadrature);
+                let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
+                if small || dim || left.followed >= MAX_WORDS {
+                    let likely = look.passed * left.seen(quadrature) * SAMPLED_BOUND_MARGIN;
+                    left.words.push(LeftWord { word, error: bound.min(likely), throughput });
                     continue;
                 }
-                if reaches {
-                    for lamp in 0..self.lamps.len() {
-                        if !self.shut_in(&quadrature.words, word, self.lamps[lamp].shape) {
-                            quadrature.add(Term::Through(word, lamp), allowed);
-                        }
-                    }
-                } else {
-                    // The first grid still has to be traced, for what follows to be found.
-                    grid(FIRST_LEVEL).for_each(|at| {
-                        quadrature.words.departure(word, at);
-                    });
-                }
-                if quadrature.words.depth(word) < self.settings.max_specular {
-                    next.extend(quadrature.words.continue_word(word));
-                }
+                next.extend(self.add_word(quadrature, word, throughput, left, &tolerance));
             }
             level = next;
         }
+    }
+
+    /// Adds the terms of a word that had been left out.
+    fn enter(
+        &self,
+        quadrature: &mut Quadrature<'s, '_>,
+        out: LeftWord,
+        left: &mut Left,
+        tolerance: impl Fn(&Quadrature<'_, '_>) -> f64,
+    ) {
+        if left.followed >= MAX_WORDS {
+            left.lost += out.error;
+            return;
+        }
+        let next = self.add_word(quadrature, out.word, out.throughput, left, &tolerance);
+        self.follow(quadrature, next, left, tolerance);
+    }
+
+    /// Adds the terms of one word; the words that follow it.
+    fn add_word(
+        &self,
+        quadrature: &mut Quadrature<'s, '_>,
+        word: WordId,
+        throughput: f64,
+        left: &mut Left,
+        tolerance: &impl Fn(&Quadrature<'_, '_>) -> f64,
+    ) -> Vec<WordId> {
+        left.followed += 1;
+        let first = if throughput < COARSE_THROUGHPUT { COARSE_LEVEL } else { FIRST_LEVEL };
+        let before = quadrature.luminance();
+        let look = look(&mut quadrature.words, word);
+        if look.reaches {
+            let allowed = tolerance(quadrature);
+            for lamp in 0..self.lamps.len() {
+                if !self.shut_in(&quadrature.words, word, self.lamps[lamp].shape) {
+                    quadrature.add(Term::Through(word, lamp), first, allowed);
+                }
+            }
+        } else {
+            // The first grid still has to be traced, for what follows to be found.
+            grid(first).for_each(|at| {
+                quadrature.words.departure(word, at);
+            });
+        }
+        left.brightest_seen =
+            left.brightest_seen.max((quadrature.luminance() - before) / look.passed);
+        if quadrature.words.depth(word) < self.settings.max_specular {
+            quadrature.words.continue_word(word)
+        } else {
+            Vec::new()
+        }
+    }
+}
+
+/// A word that was left out and what it is reckoned to be worth.
+struct LeftWord {
+    word: WordId,
+    error: f64,
+    throughput: f64,
+}
+
+/// What was left out of one receiver.
+#[derive(Default)]
+struct Left {
+    words: Vec<LeftWord>,
+    /// Worth of what can no longer be followed.
+    lost: f64,
+    /// Highest mean radiance that a word has brought so far.
+    brightest_seen: f64,
+    followed: usize,
+}
+
+impl Left {
+    fn error(&self) -> f64 {
+        self.lost + self.words.iter().map(|w| w.error).sum::<f64>()
+    }
+
+    fn worst(&self) -> f64 {
+        self.words.iter().fold(0.0, |m, w| m.max(w.error))
+    }
+
+    fn take_worst(&mut self) -> Option<LeftWord> {
+        let worst = self.worst();
+        let at = self.words.iter().position(|w| w.error == worst)?;
+        Some(self.words.remove(at))
+    }
+
+    /// The brightest that anything has been so far, as a mean radiance.
+    fn seen(&self, quadrature: &Quadrature<'_, '_>) -> f64 {
+        self.brightest_seen.max(quadrature.luminance() / std::f64::consts::PI)
     }
 }
 
@@ -196,24 +287,36 @@ impl Transfer<'_> {
     }
 }
 
-/// What a word could be worth at most per unit of radiance, from a coarse grid of samples, and
-/// whether any of its last legs leads anywhere but to the next specular surface.
-fn look(words: &mut Words<'_>, word: WordId) -> (f64, bool) {
-    let (mut sum, mut count, mut reaches) = (0.0, 0.0, false);
-    for at in grid(FIRST_LEVEL) {
+/// What a coarse grid of samples tells of a word.
+struct Look {
+    /// Irradiance per unit of radiance that its chains let through [sr], whatever follows: leaving
+    /// the medium is reckoned in.
+    passed: f64,
+    /// The same without losses.
+    offered: f64,
+    /// Whether any last leg leads anywhere but to the next specular surface.
+    reaches: bool,
+}
+
+fn look(words: &mut Words<'_>, word: WordId) -> Look {
+    let mut look = Look { passed: 0.0, offered: 0.0, reaches: false };
+    let mut count = 0.0;
+    for at in grid(COARSE_LEVEL) {
         count += 1.0;
         let Some(departure) = words.departure(word, at) else { continue };
         let legal = departure.arrival.edges.iter().all(|e| e.v >= 0.0);
         if departure.arrival.visible == Visibility::Free && legal {
             let throughput = departure.throughput.iter().fold(0f64, |m, t| m.max(t.v));
+            let weight = departure.arrival.weight.v.max(0.0);
             // Whatever follows cannot add radiance but for leaving the medium again.
-            let most = throughput / departure.arrival.radiance_scale;
-            sum += departure.arrival.weight.v.max(0.0) * most;
+            look.passed += weight * throughput / departure.arrival.radiance_scale;
+            look.offered += weight;
         }
-        // A leg that runs into a specular surface everywhere meets no lamp.
-        reaches |= departure.arrival.visible != Visibility::Blocked;
+        look.reaches |= departure.arrival.visible != Visibility::Blocked;
     }
-    (sum / count, reaches)
+    look.passed /= count;
+    look.offered /= count;
+    look
 }
 
 /// The points of a regular grid.
