@@ -1,5 +1,7 @@
 //! Normals (also where the parametrisation is singular), parameters of points, area.
 
+use std::collections::VecDeque;
+
 use super::Parametric;
 use super::patch::Cell;
 use crate::geometry::{Matrix3, Point3, UnitVector3, Vector3};
@@ -149,8 +151,9 @@ impl Parametric {
         let tolerance = accuracy * scale;
         let mut total = 0.0;
         let mut cells = 0;
-        let mut waiting = vec![(Cell::DOMAIN, self.area_over(Cell::DOMAIN), 0)];
-        while let Some((cell, coarse, depth)) = waiting.pop() {
+        // Breadth first, so that the budget is spent evenly.
+        let mut waiting = VecDeque::from([(Cell::DOMAIN, self.area_over(Cell::DOMAIN), 0)]);
+        while let Some((cell, coarse, depth)) = waiting.pop_front() {
             let parts = cell.split(0).map(|c| c.split(1)).concat();
             let fine: [f64; 4] = std::array::from_fn(|i| self.area_over(parts[i]));
             let sum: f64 = fine.iter().sum();
