@@ -113,11 +113,27 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    fn folder(name: &str) -> PathBuf {
+    /// A folder that goes with the test.
+    struct Folder(PathBuf);
+
+    impl std::ops::Deref for Folder {
+        type Target = Path;
+        fn deref(&self) -> &Path {
+            &self.0
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn folder(name: &str) -> Folder {
         let f = std::env::temp_dir().join(format!("evolute-{name}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&f);
         fs::create_dir_all(&f).unwrap();
-        f
+        Folder(f)
     }
 
     fn names(folder: &Path) -> Vec<String> {
@@ -154,7 +170,8 @@ mod tests {
 
     #[test]
     fn a_missing_folder_is_named() {
-        let path = folder("missing").join("no/such/a.csv");
+        let f = folder("missing");
+        let path = f.join("no/such/a.csv");
         for error in [replace_file(&path, b"x").unwrap_err(), check_target(&path).unwrap_err()] {
             assert!(error.to_string().contains("no/such"), "{error}");
         }

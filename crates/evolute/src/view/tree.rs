@@ -57,7 +57,8 @@ pub(super) struct Sight {
     pub emitted: Rgb,
     /// Identifies everything that was met: differs from a neighbour's where an outline lies between.
     pub signature: u64,
-    /// Throughput of the branches that were cut (largest channel).
+    /// Throughput of the branches that were cut (largest channel), a factor on radiance in the medium
+    /// where they were.
     pub cut: f64,
     /// Rays traced.
     pub rays: u64,
@@ -219,4 +220,135 @@ fn mixed(history: u64, next: u64) -> u64 {
     x = (x ^ (x >> 33)).wrapping_mul(0xff51_afd7_ed55_8ccd);
     x = (x ^ (x >> 33)).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
     x ^ (x >> 33)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::geometry::Vector3;
+    use crate::scene::load_str;
+
+    const LIMITS: Limits =
+        Limits { max_specular: 256, throughput: 1e-6, diffuse_throughput: 1e-6, lamps: true };
+
+    fn scene(shapes: &str) -> Scene {
+        let text = format!("<scene version=\"3.0.0\">{shapes}</scene>");
+        load_str("test.xml", &text, &[]).unwrap().scene
+    }
+
+    fn look(scene: &Scene, origin: [f64; 3], towards: [f64; 3], limits: &Limits) -> Sight {
+        let origin = Point3::from(origin);
+        let direction = UnitVector3::new_normalize(Vector3::from(towards));
+        let first = CameraRay { origin, direction, travelled: 0.5, length: f64::INFINITY };
+        sight(&Tracer::new(scene), &first, limits)
+    }
+
+    /// Directions all around.
+    fn around() -> impl Iterator<Item = [f64; 3]> {
+        (0..200).map(|i| {
+            let z = 1.0 - (f64::from(i) + 0.5) / 100.0;
+            let (s, c) = crate::geometry::math::sin_cos(f64::from(i) * 2.4);
+            let r = (1.0 - z * z).sqrt();
+            [r * c, r * s, z]
+        })
+    }
+
+    const LAMP_AROUND: &str = r#"<shape type="sphere">
+        <float name="radius" value="10"/> <boolean name="flip_normals" value="true"/>
+        <emitter type="area"><rgb name="radiance" value="3, 2, 1"/></emitter>
+        <bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
+    </shape>"#;
+
+    #[test]
+    fn in_a_uniform_surrounding_glass_and_mirrors_vanish() {
+        let scene = scene(&format!(
+            r#"{LAMP_AROUND}
+            <shape type="sphere"><point name="center" x="2" y="0" z="0"/> <float name="radius" value="1.5"/>
+                <bsdf type="dielectric">
+                    <float name="int_ior" value="1.5"/> <float name="ext_ior" value="1"/>
+                </bsdf>
+            </shape>
+            <shape type="sphere"><point name="center" x="-2" y="0" z="0"/> <float name="radius" value="1"/>
+                <bsdf type="conductor"><string name="material" value="none"/></bsdf>
+            </shape>"#
+        ));
+        for d in around() {
+            let sight = look(&scene, [0.0; 3], d, &LIMITS);
+            assert!(sight.leaves.is_empty());
+            let missing = 3.0 - sight.emitted[0];
+            // What is cut inside the glass would have met radiance n² times that outside.
+            let cut = 3.0 * 1.5 * 1.5 * sight.cut;
+            assert!(missing > -1e-12 && missing <= cut + 1e-12, "{d:?} {sight:?}");
+            // A chain that is caught by total reflection for long is cut by its throughput only.
+            assert!(sight.cut < 1e-4, "{d:?} {}", sight.cut);
+        }
+    }
+
+    #[test]
+    fn an_eye_under_water_sees_lamps_outside_brighter_by_the_square_of_the_index() {
+        let scene = scene(&format!(
+            r#"{LAMP_AROUND}
+            <shape type="sphere"><float name="radius" value="1"/>
+                <bsdf type="dielectric">
+                    <float name="int_ior" value="1.33"/> <float name="ext_ior" value="1"/>
+                </bsdf>
+            </shape>"#
+        ));
+        // Along the radius: internal reflections add up to all of it.
+        let sight = look(&scene, [0.0; 3], [1.0, 0.0, 0.0], &LIMITS);
+        assert!((sight.emitted[1] - 2.0 * 1.33 * 1.33).abs() < 1e-4, "{}", sight.emitted[1]);
+    }
+
+    #[test]
+    fn a_blend_shows_its_diffuse_part_and_what_it_mirrors() {
+        let scene = scene(
+            r#"<shape type="rectangle" id="floor">
+                <bsdf type="blendbsdf">
+                    <float name="weight" value="0.25"/>
+                    <bsdf type="diffuse"><rgb name="reflectance" value="0.8"/></bsdf>
+                    <bsdf type="conductor"><string name="material" value="none"/></bsdf>
+                </bsdf>
+            </shape>
+            <shape type="rectangle" id="ceiling">
+                <transform name="to_world"><rotate x="1" angle="180"/><translate z="2"/></transform>
+                <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>
+            </shape>"#,
+        );
+        let sight = look(&scene, [0.0, 0.0, 1.0], [0.1, 0.0, -1.0], &LIMITS);
+        let [floor, ceiling] = sight.leaves[..] else { panic!("{sight:?}") };
+        assert!((floor.reflectance[0] - 0.6).abs() < 1e-12);
+        assert_eq!((floor.throughput, floor.depth), (Rgb::WHITE, 0));
+        assert!((ceiling.throughput[0] - 0.25).abs() < 1e-12);
+        assert_eq!((ceiling.depth, ceiling.normal), (1, -Vector3::z_axis()));
+        let length = 3.0 * (1.01f64).sqrt() + 0.5;
+        assert!((ceiling.distance - length).abs() < 1e-12);
+        assert!((ceiling.position - Point3::new(0.3, 0.0, 2.0)).norm() < 1e-12);
+        // The diffuse part alone, if chains are forbidden; what is cut is told.
+        let short = Limits { max_specular: 0, ..LIMITS };
+        let sight = look(&scene, [0.0, 0.0, 1.0], [0.1, 0.0, -1.0], &short);
+        assert_eq!(sight.leaves.len(), 1);
+        assert!((sight.cut - 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn backs_are_black_and_neighbours_share_their_path() {
+        let scene = scene(
+            r#"<shape type="rectangle">
+                <emitter type="area"><rgb name="radiance" value="1"/></emitter>
+                <bsdf type="diffuse"/>
+            </shape>"#,
+        );
+        let front = look(&scene, [0.1, 0.0, 1.0], [0.0, 0.0, -1.0], &LIMITS);
+        assert_eq!((front.emitted, front.leaves.len()), (Rgb::WHITE, 1));
+        let beside = look(&scene, [0.2, 0.0, 1.0], [0.1, 0.0, -1.0], &LIMITS);
+        assert_eq!(front.signature, beside.signature);
+        assert_eq!(front.leaves[0].path, beside.leaves[0].path);
+        let back = look(&scene, [0.1, 0.0, -1.0], [0.0, 0.0, 1.0], &LIMITS);
+        assert_eq!((back.emitted, back.leaves.len()), (Rgb::BLACK, 0));
+        let past = look(&scene, [0.1, 0.0, 1.0], [0.0, 0.0, 1.0], &LIMITS);
+        let signatures = [front.signature, back.signature, past.signature];
+        assert!(signatures[0] != signatures[1] && signatures[1] != signatures[2]);
+        assert_ne!(signatures[0], signatures[2]);
+    }
 }
