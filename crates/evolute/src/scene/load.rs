@@ -33,18 +33,7 @@ pub fn load_file(
     path: impl AsRef<Path>,
     parameters: &[(String, String)],
 ) -> Result<Loaded, SceneError> {
-    let path = path.as_ref();
-    let mut sources = Sources::default();
-    let read = read_bytes(path, MAX_SCENE_BYTES)
-        .map_err(|why| {
-            let name = path.to_string_lossy();
-            Complaint::nowhere(format!("cannot read the scene {}: {why}", quoted(&name)))
-        })
-        .and_then(|bytes| add_text(&mut sources, path, bytes));
-    match read {
-        Ok(_) => load(sources, path.canonicalize().ok(), parameters),
-        Err(complaint) => Err(complaint.render(&sources)),
-    }
+    SceneDescription::from_file(path, parameters)?.load()
 }
 
 /// Loads and checks a scene that is at hand as text; `name` stands for it in messages. File names
@@ -57,43 +46,65 @@ pub fn load_str(
     text: &str,
     parameters: &[(String, String)],
 ) -> Result<Loaded, SceneError> {
-    let mut sources = Sources::default();
-    if text.len() as u64 > MAX_SCENE_BYTES {
-        let message = format!("the scene is longer than {} MB", MAX_SCENE_BYTES >> 20);
-        return Err(Complaint::nowhere(message).render(&sources));
-    }
-    sources.add(name.to_string(), text.to_string(), PathBuf::new());
-    load(sources, None, parameters)
-}
-
-fn load(
-    sources: Sources,
-    path: Option<PathBuf>,
-    parameters: &[(String, String)],
-) -> Result<Loaded, SceneError> {
-    let description = describe(sources, path, parameters)
-        .map_err(|(complaint, sources)| complaint.render(&sources))?;
-    let (scene, notices) = description.scene()?;
-    let files = description.files().map(str::to_string).collect();
-    Ok(Loaded { scene, notices, files })
+    SceneDescription::from_text(name, text, parameters)?.load()
 }
 
 impl SceneDescription {
-    /// Reads a scene without checking it against what plugins want.
+    /// Reads a scene file without checking it against what plugins want.
     ///
     /// # Errors
-    /// XML that is not well-formed, values that are not of their type, unknown parameters and
-    /// references, files that cannot be read.
-    pub fn from_str(
+    /// Files that cannot be read, XML that is not well-formed, values that are not of their type,
+    /// unknown parameters and references.
+    pub fn from_file(
+        path: impl AsRef<Path>,
+        parameters: &[(String, String)],
+    ) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let mut sources = Sources::default();
+        let read = read_bytes(path, MAX_SCENE_BYTES)
+            .map_err(|why| {
+                let name = path.to_string_lossy();
+                Complaint::nowhere(format!("cannot read the scene {}: {why}", quoted(&name)))
+            })
+            .and_then(|bytes| add_text(&mut sources, path, bytes));
+        match read {
+            Ok(_) => described(sources, path.canonicalize().ok(), parameters),
+            Err(complaint) => Err(complaint.render(&sources)),
+        }
+    }
+
+    /// Reads a scene that is at hand as text.
+    ///
+    /// # Errors
+    /// As [`SceneDescription::from_file`].
+    pub fn from_text(
         name: &str,
         text: &str,
         parameters: &[(String, String)],
     ) -> Result<Self, SceneError> {
         let mut sources = Sources::default();
+        if text.len() as u64 > MAX_SCENE_BYTES {
+            let message = format!("the scene is longer than {} MB", MAX_SCENE_BYTES >> 20);
+            return Err(Complaint::nowhere(message).render(&sources));
+        }
         sources.add(name.to_string(), text.to_string(), PathBuf::new());
-        describe(sources, None, parameters)
-            .map_err(|(complaint, sources)| complaint.render(&sources))
+        described(sources, None, parameters)
     }
+
+    /// The checked scene with everything there is to say about its files.
+    fn load(self) -> Result<Loaded, SceneError> {
+        let (scene, notices) = self.scene()?;
+        let files = self.files().map(str::to_string).collect();
+        Ok(Loaded { scene, notices, files })
+    }
+}
+
+fn described(
+    sources: Sources,
+    path: Option<PathBuf>,
+    parameters: &[(String, String)],
+) -> Result<SceneDescription, SceneError> {
+    describe(sources, path, parameters).map_err(|(complaint, sources)| complaint.render(&sources))
 }
 
 /// A file named in a scene: beside the file that names it, else beside the scene's own file, else

@@ -7,6 +7,9 @@ use super::message::{Checked, Complaint, quoted};
 use super::number;
 use super::placement;
 
+/// How far the axis of a rotation may be from length 1: three digits, as in 0.707.
+const UNIT_TOLERANCE: f64 = 1e-3;
+
 /// Their tags.
 pub(super) const NAMES: [&str; 5] = ["translate", "rotate", "scale", "lookat", "matrix"];
 
@@ -46,10 +49,19 @@ fn step(tag: &str, attributes: &Attributes) -> Checked<Transform> {
         "rotate" => {
             let angle = number::float(attributes.require("angle")?)?;
             let axis: Vector3 = triple(attributes, Some(0.0))?.into();
-            placement::rotation(axis, angle).ok_or_else(|| {
+            let unit = (axis / axis.amax()).try_normalize(0.0).ok_or_else(|| {
                 say("a rotation needs an axis")
                     .help("write <rotate x=\"1\" angle=\"90\"/>, degrees, right-handed")
-            })
+            })?;
+            // Mitsuba 3 does not normalise the axis, and what it makes of a longer one is no
+            // rotation. Neither its answer nor another would be what was meant.
+            if (axis - unit).amax() > UNIT_TOLERANCE {
+                return Err(say("the axis of a rotation must have length 1").help(format!(
+                    "for this direction write x=\"{:.6}\" y=\"{:.6}\" z=\"{:.6}\"",
+                    unit.x, unit.y, unit.z
+                )));
+            }
+            placement::rotation(unit, angle).ok_or_else(|| say("a rotation needs an axis"))
         }
         "lookat" => {
             let point = |name: &str| number::triple(attributes.require(name)?).map(Point3::from);
