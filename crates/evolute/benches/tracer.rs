@@ -1,7 +1,8 @@
 //! Million rays per second of the tracer, one thread: `cargo bench -p evolute --bench tracer`.
 //!
 //! With `-- --write FOLDER` the mesh and its rays are also written there as little-endian numbers, for
-//! `bench/embree`. `-- --rounds N` repeats each measurement and prints the fastest.
+//! `bench/embree`. `-- --rounds N` repeats each measurement and prints the fastest;
+//! `-- --only nearest` measures one kind of ray.
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr, dead_code)]
 
 #[path = "../tests/brute/mod.rs"]
@@ -160,7 +161,7 @@ fn rate(rounds: usize, rays: usize, mut work: impl FnMut() -> usize) -> (f64, f6
     (rays as f64 / best / 1e6, count as f64 / rays as f64)
 }
 
-fn measure(name: &str, scene: &Scene, work: &Workload, rounds: usize) {
+fn measure(name: &str, scene: &Scene, work: &Workload, rounds: usize, only: Option<&str>) {
     let start = Instant::now();
     let tracer = Tracer::new(scene);
     println!("{name}: built in {:.2} s", start.elapsed().as_secs_f64());
@@ -170,16 +171,18 @@ fn measure(name: &str, scene: &Scene, work: &Workload, rounds: usize) {
     let report = |what: &str, (rate, share): (f64, f64)| {
         println!("{name}: {what:9} {rate:6.2} Mray/s ({:.1} % hit)", 100.0 * share);
     };
-    report("nearest", rate(rounds, RAYS, || hits(&work.nearest)));
-    report(
-        "occluded",
-        rate(rounds, RAYS, || {
-            let blocked =
-                |(r, a): &&(Ray, Anchor)| tracer.occluded(r, 1.0, std::slice::from_ref(a), None);
-            work.shadow.iter().filter(blocked).count()
-        }),
-    );
-    report("coherent", rate(rounds, RAYS, || hits(&work.coherent)));
+    let wanted = |what: &str| only.is_none_or(|o| o == what);
+    if wanted("nearest") {
+        report("nearest", rate(rounds, RAYS, || hits(&work.nearest)));
+    }
+    if wanted("occluded") {
+        let blocked =
+            |(r, a): &&(Ray, Anchor)| tracer.occluded(r, 1.0, std::slice::from_ref(a), None);
+        report("occluded", rate(rounds, RAYS, || work.shadow.iter().filter(blocked).count()));
+    }
+    if wanted("coherent") {
+        report("coherent", rate(rounds, RAYS, || hits(&work.coherent)));
+    }
 }
 
 fn write(folder: &str, mesh: &Mesh, work: &Workload) -> std::io::Result<()> {
@@ -213,12 +216,14 @@ fn main() {
         arguments.iter().position(|a| a == flag).and_then(|i| arguments.get(i + 1).cloned())
     };
     let rounds = after("--rounds").and_then(|n| n.parse().ok()).unwrap_or(3);
+    let only = after("--only");
+    let only = only.as_deref();
     let mesh = wavy_mesh();
     let work = mesh_workload(&mesh);
     if let Some(folder) = after("--write") {
         write(&folder, &mesh, &work).unwrap();
     }
-    measure("mesh", &scene_of(vec![Surface::Mesh(mesh)]), &work, rounds);
+    measure("mesh", &scene_of(vec![Surface::Mesh(mesh)]), &work, rounds, only);
     let scene = curved_scene();
-    measure("curved", &scene, &curved_workload(&scene), rounds);
+    measure("curved", &scene, &curved_workload(&scene), rounds, only);
 }

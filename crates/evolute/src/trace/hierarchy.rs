@@ -9,9 +9,11 @@
 
 use crate::geometry::{Aabb, Point3, Ray, Vector3};
 use arrayvec::ArrayVec;
+use prefetch_index::prefetch_index;
 use wide::f32x8;
 
-/// At most this many triangles share a leaf: as many as are tested at a time.
+/// At most this many triangles share a leaf: measured on 500,000 triangles, 6 to
+/// 8 are equally fast, 4 a sixth slower: nodes are what misses the caches.
 pub(super) const LEAF_SIZE: u32 = 8;
 
 /// Children as 32 bits: an inner node's index, or with [`LEAF`] a class (one bit), a count less one
@@ -30,6 +32,7 @@ const LEAST_DIRECTION: f64 = 1.0 / (1u64 << 60) as f64;
 
 /// A node: bounds of its children and what they are. Missing children have an inverted infinite box.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 struct Node {
     /// `planes[axis][0]` are lower, `planes[axis][1]` upper bounds.
     planes: [[f32x8; 2]; 3],
@@ -40,8 +43,8 @@ struct Node {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leaf {
     pub class: usize,
-    /// The leaf's number among those of its class: its primitives are
-    /// [`Hierarchy::order`]`[class][starts[class][number]..][..count]`.
+    /// The leaf's number among those of its class, or what [`Hierarchy::renumber`] made of it. Its
+    /// primitives are [`Hierarchy::order`]`[class][starts[class][number]..][..count]`.
     pub number: usize,
     pub count: usize,
 }
@@ -149,8 +152,20 @@ impl Hierarchy {
         this
     }
 
+    /// Gives the leaves of class 0 other numbers.
+    pub fn renumber(&mut self, numbers: &[u32]) {
+        let renumber = |child: &mut u32| {
+            if *child & (LEAF | CLASS) == LEAF {
+                let old = (*child & NUMBER) as usize;
+                *child = *child & !NUMBER | numbers.get(old).map_or(0, |n| n & NUMBER);
+            }
+        };
+        self.nodes.iter_mut().flat_map(|n| &mut n.children).for_each(renumber);
+        self.root.iter_mut().for_each(renumber);
+    }
+
     /// In the frame in which the scene fills [−1, 1]³.
-    pub fn local(&self, p: &Point3) -> Vector3 {
+    fn local(&self, p: &Point3) -> Vector3 {
         (p - self.centre) * self.scale
     }
 
@@ -258,10 +273,12 @@ impl Hierarchy {
 
     /// Visits the leaves whose boxes the ray passes at 0 ≤ t ≤ `t_max`, roughly in the order in which it
     /// reaches them, until `visit` returns true. `visit` may lower `t_max`.
+    /// `ahead` is told which leaves are likely to be next.
     pub fn along(
         &self,
         slabs: &Slabs,
         mut t_max: f64,
+        ahead: impl Fn(Leaf),
         mut visit: impl FnMut(Leaf, &mut f64) -> bool,
     ) {
         let Some(root) = self.root else { return };
@@ -308,8 +325,10 @@ impl Hierarchy {
                             waiting[i] = entry;
                         }
                         for entry in waiting {
+                            self.prefetch(entry.1, &ahead);
                             stack.push(entry);
                         }
+                        self.prefetch(nearest.1, &ahead);
                         next = nearest;
                         continue;
                     }
@@ -319,6 +338,20 @@ impl Hierarchy {
                 Some(entry) => next = entry,
                 None => return,
             }
+        }
+    }
+
+    /// Asks for a child's memory.
+    #[inline(always)]
+    fn prefetch(&self, child: u32, ahead: &impl Fn(Leaf)) {
+        if child & LEAF != 0 {
+            ahead(Leaf::of(child));
+        } else if let Some(node) = self.nodes.get(child as usize) {
+            // A cache line each.
+            prefetch_index(node.planes.as_slice(), 0);
+            prefetch_index(node.planes.as_slice(), 1);
+            prefetch_index(node.planes.as_slice(), 2);
+            prefetch_index(node.children.as_slice(), 0);
         }
     }
 
@@ -351,9 +384,6 @@ impl Hierarchy {
 
 /// A ray as the slab test wants it.
 pub(super) struct Slabs {
-    /// The ray in the local frame, from where it comes near the scene.
-    pub origin: Vector3,
-    pub direction: Vector3,
     /// Origin, rounded to the side that makes the entry earlier, and to the side that makes the exit
     /// later.
     origin_in: [f32x8; 3],
@@ -368,14 +398,17 @@ pub(super) struct Slabs {
 
 impl Slabs {
     /// `None` if the ray is far from the whole scene, or has no direction.
+    #[inline(always)]
     pub fn new(hierarchy: &Hierarchy, ray: &Ray) -> Option<Self> {
-        let direction = ray.direction * hierarchy.scale;
-        let rate = direction.amax();
+        let rate = ray.direction.amax() * hierarchy.scale;
         if !(rate > 0.0 && rate.is_finite()) {
             return None;
         }
-        let direction = (direction / rate)
-            .map(|d| if d.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(d) } else { d });
+        let unit = hierarchy.scale / rate;
+        let direction = ray.direction.map(|d| {
+            let d = d * unit;
+            if d.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(d) } else { d }
+        });
         let far_origin = hierarchy.local(&ray.origin);
         // Single precision is fine only near the scene: rays from afar start at the cube [−2, 2]³.
         let mut entry = 0.0f64;
@@ -393,19 +426,19 @@ impl Slabs {
             }
             origin += direction * entry;
         }
-        // What the way here may have rounded off.
-        let doubt = 8.0 * f64::EPSILON * far_origin.amax();
+        // What the way here may have rounded off, and what rounding to single precision does.
+        let doubt = (8.0 * f64::EPSILON * far_origin.amax()) as f32 + f32::MIN_POSITIVE;
         let forward = direction.map(|d| d > 0.0);
         let towards = |i: usize, later: bool| {
-            f32x8::splat(if later { up(origin[i] + doubt) } else { down(origin[i] - doubt) })
+            let o = origin[i] as f32;
+            let doubt = doubt + o.abs() * f32::EPSILON;
+            f32x8::splat(if later { o + doubt } else { o - doubt })
         };
         Some(Self {
-            origin,
-            direction,
-            origin_in: std::array::from_fn(|i| towards(i, forward[i])),
-            origin_out: std::array::from_fn(|i| towards(i, !forward[i])),
-            reciprocal: std::array::from_fn(|i| f32x8::splat((1.0 / direction[i]) as f32)),
-            first: std::array::from_fn(|i| usize::from(!forward[i])),
+            origin_in: [0, 1, 2].map(|i| towards(i, forward[i])),
+            origin_out: [0, 1, 2].map(|i| towards(i, !forward[i])),
+            reciprocal: [0, 1, 2].map(|i: usize| f32x8::splat(1.0 / direction[i] as f32)),
+            first: [0, 1, 2].map(|i: usize| usize::from(!forward[i])),
             start: entry / rate,
             rate,
         })

@@ -8,15 +8,18 @@
 //! rounding of its own test can tell is not met there either.
 
 mod hierarchy;
+mod leaves;
 mod triangle;
 
 use crate::geometry::{Aabb, Point3, Ray, Vector3};
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Mesh, Surface, SurfacePoint, contact_tolerance};
 use arrayvec::ArrayVec;
-use hierarchy::{Hierarchy, LEAF_SIZE, Leaf, Slabs};
+use hierarchy::{Hierarchy, Leaf, Slabs};
+use leaves::TriangleLeaves;
 use triangle::{
-    Block, BlockRay, Shear, Triangle, border, enters_neighbour, in_plane, may_be_border, weights_on,
+    Shear, Triangle, TriangleCrossing, border, enters_neighbour, in_plane, may_be_border,
+    weights_on,
 };
 
 /// A point of a shape: where a ray starts or ends. A ray does not meet the surface again at the
@@ -48,10 +51,8 @@ pub struct Hit {
 pub struct Tracer<'s> {
     scene: &'s Scene,
     hierarchy: Hierarchy,
-    /// One for each leaf of triangles.
-    blocks: Vec<Block>,
+    triangles: TriangleLeaves,
     /// In the order of the hierarchy's leaves.
-    triangles: Vec<Triangle>,
     others: Vec<(u32, u32)>,
 }
 
@@ -76,7 +77,7 @@ struct Ends<'a> {
     /// Shadow rays only: the end, and the point at t_max.
     end: Option<&'a Anchor>,
     end_point: Option<Point3>,
-    borders: ArrayVec<BorderPoint, 9>,
+    borders: &'a [BorderPoint],
 }
 
 /// What a ray finds at a triangle or another primitive.
@@ -98,7 +99,7 @@ impl<'s> Tracer<'s> {
             }
         }
         let surface = |i: u32| &scene.shapes[i as usize].surface;
-        let hierarchy = Hierarchy::new(&boxes, |i| match surface(primitives[i as usize].0) {
+        let mut hierarchy = Hierarchy::new(&boxes, |i| match surface(primitives[i as usize].0) {
             Surface::Mesh(_) => 0,
             _ => 1,
         });
@@ -114,20 +115,14 @@ impl<'s> Tracer<'s> {
             })
             .collect();
         let others = hierarchy.order[1].iter().map(|&i| primitives[i as usize]).collect();
-        let ends = hierarchy.starts[0].iter().skip(1).copied().chain([triangles.len() as u32]);
-        let blocks = hierarchy.starts[0]
-            .iter()
-            .zip(ends)
-            .map(|(&start, end)| {
-                let leaf: ArrayVec<_, { LEAF_SIZE as usize }> = triangles
-                    [start as usize..end as usize]
-                    .iter()
-                    .map(|t| t.corners.map(|c| hierarchy.local(&c)))
-                    .collect();
-                Block::new(&leaf)
-            })
-            .collect();
-        Self { scene, hierarchy, blocks, triangles, others }
+        let starts = &hierarchy.starts[0];
+        let ends = starts.iter().skip(1).copied().chain([triangles.len() as u32]);
+        let leaves = starts.iter().zip(ends).map(|(&a, b)| &triangles[a as usize..b as usize]);
+        let (triangles, lines) = TriangleLeaves::new(leaves);
+        hierarchy.renumber(&lines);
+        hierarchy.order[0] = Vec::new();
+        hierarchy.starts[0] = Vec::new();
+        Self { scene, hierarchy, triangles, others }
     }
 
     /// The scene traced.
@@ -144,9 +139,11 @@ impl<'s> Tracer<'s> {
     /// it starts.
     pub fn nearest(&self, ray: &Ray, t_max: f64, start: &[Anchor]) -> Option<Hit> {
         let slabs = Slabs::new(&self.hierarchy, ray)?;
-        let block_ray = BlockRay::new(&slabs.origin, &slabs.direction);
         let shear = Shear::new(ray);
-        let ends = self.ends(ray, t_max, start, None);
+        let ahead = |leaf| self.prefetch(leaf);
+        let mut borders = ArrayVec::new();
+        self.find_borders(ray, t_max, start, None, &mut borders);
+        let ends = Ends { start, end: None, end_point: None, borders: &borders };
         let mut best: Option<(u32, Found)> = None;
         // Of equals the lowest shape, then the lowest primitive, wins.
         let offer = |best: &mut Option<(u32, Found)>, t_max: &mut f64, shape: u32, found: Found| {
@@ -165,11 +162,12 @@ impl<'s> Tracer<'s> {
                 *t_max = t;
             }
         };
-        self.hierarchy.along(&slabs, t_max, |leaf, t_max| {
-            for triangle in self.candidates(leaf, &block_ray) {
-                if let Some(found) = meet_triangle(triangle, &shear, ray, *t_max, &ends) {
-                    offer(&mut best, t_max, triangle.shape, found);
-                }
+        self.hierarchy.along(&slabs, t_max, ahead, |leaf, t_max| {
+            if leaf.class == 0 {
+                self.meet_triangles(leaf, &shear, ray, *t_max, &ends, |shape, found| {
+                    offer(&mut best, t_max, shape, found);
+                    false
+                });
             }
             for &(shape, primitive) in self.others_of(leaf) {
                 if let Some(found) = self.meet(shape, primitive, ray, *t_max, &ends) {
@@ -188,20 +186,21 @@ impl<'s> Tracer<'s> {
     /// tell (a lamp flush in a ceiling) do not occlude there either.
     pub fn occluded(&self, ray: &Ray, t_max: f64, start: &[Anchor], end: Option<&Anchor>) -> bool {
         let Some(slabs) = Slabs::new(&self.hierarchy, ray) else { return false };
-        let block_ray = BlockRay::new(&slabs.origin, &slabs.direction);
         let shear = Shear::new(ray);
-        let mut ends = self.ends(ray, t_max, start, end);
-        ends.end_point =
-            t_max.is_finite().then(|| end.map_or_else(|| ray.at(t_max), |e| e.point.x));
+        let ahead = |leaf| self.prefetch(leaf);
+        let mut borders = ArrayVec::new();
+        self.find_borders(ray, t_max, start, end, &mut borders);
+        let end_point = t_max.is_finite().then(|| end.map_or_else(|| ray.at(t_max), |e| e.point.x));
+        let ends = Ends { start, end, end_point, borders: &borders };
         let mut occluded = false;
-        self.hierarchy.along(&slabs, t_max, |leaf, t_max| {
-            occluded = self
-                .candidates(leaf, &block_ray)
-                .any(|t| meet_triangle(t, &shear, ray, *t_max, &ends).is_some())
-                || self
+        self.hierarchy.along(&slabs, t_max, ahead, |leaf, t_max| {
+            occluded = match leaf.class {
+                0 => self.meet_triangles(leaf, &shear, ray, *t_max, &ends, |_, _| true),
+                _ => self
                     .others_of(leaf)
                     .iter()
-                    .any(|&(shape, i)| self.meet(shape, i, ray, *t_max, &ends).is_some());
+                    .any(|&(shape, i)| self.meet(shape, i, ray, *t_max, &ends).is_some()),
+            };
             occluded
         });
         occluded
@@ -252,7 +251,7 @@ impl<'s> Tracer<'s> {
         out.clear();
         let mut complete = true;
         self.hierarchy.within(bounds, |leaf| {
-            let triangles = self.triangles_of(leaf).iter().map(|t| (t.shape, t.primitive));
+            let triangles = self.triangles_of(leaf).map(|t| (t.shape, t.primitive));
             for (shape, i) in triangles.chain(self.others_of(leaf).iter().copied()) {
                 if primitive_bounds(self.surface(shape), i).overlaps(bounds) {
                     complete = out.len() < limit;
@@ -272,30 +271,61 @@ impl<'s> Tracer<'s> {
         &self.scene.shapes[shape as usize].surface
     }
 
-    /// The triangles of a leaf that the ray may meet.
     #[inline(always)]
-    fn candidates(&self, leaf: Leaf, ray: &BlockRay) -> impl Iterator<Item = &Triangle> {
-        let (first, mut bits) = match leaf.class {
-            0 => (
-                self.hierarchy.starts[0][leaf.number] as usize,
-                self.blocks[leaf.number].candidates(ray) & ((1 << leaf.count) - 1),
-            ),
-            _ => (0, 0),
-        };
-        std::iter::from_fn(move || {
-            (bits != 0).then(|| {
-                let i = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                &self.triangles[first + i]
-            })
+    fn prefetch(&self, leaf: Leaf) {
+        if leaf.class == 0 {
+            self.triangles.prefetch(leaf.number);
+        }
+    }
+
+    fn triangles_of(&self, leaf: Leaf) -> impl Iterator<Item = Triangle> {
+        (leaf.class == 0).then(|| self.triangles.triangles(leaf.number)).into_iter().flatten()
+    }
+
+    /// Calls `found` for each triangle of a leaf that the ray meets at 0 < t ≤ `t_max`, until it
+    /// returns true; whether it did.
+    #[inline(always)]
+    fn meet_triangles(
+        &self,
+        leaf: Leaf,
+        shear: &Shear,
+        ray: &Ray,
+        t_max: f64,
+        ends: &Ends,
+        mut found: impl FnMut(u32, Found) -> bool,
+    ) -> bool {
+        if !ends.borders.is_empty() {
+            return self.meet_triangles_at_borders(leaf, shear, ray, t_max, ends, &mut found);
+        }
+        self.triangles.crossings(leaf.number, shear, |triangle, c| {
+            meet_triangle(triangle, c, ray, t_max, ends).is_some_and(|f| found(triangle.shape, f))
         })
     }
 
-    fn triangles_of(&self, leaf: Leaf) -> &[Triangle] {
-        match leaf.class {
-            0 => &self.triangles[self.hierarchy.starts[0][leaf.number] as usize..][..leaf.count],
-            _ => &[],
-        }
+    /// The same for rays that start or end on borders of triangles.
+    #[cold]
+    fn meet_triangles_at_borders(
+        &self,
+        leaf: Leaf,
+        shear: &Shear,
+        ray: &Ray,
+        t_max: f64,
+        ends: &Ends,
+        found: &mut dyn FnMut(u32, Found) -> bool,
+    ) -> bool {
+        self.triangles.triangles(leaf.number).any(|triangle| {
+            let met = match meet_at_border(&triangle, ends) {
+                AtBorder::Elsewhere => {
+                    let sheared = triangle.corners.map(|c| shear.apply(&c.coords.into()));
+                    shear
+                        .crossing(&sheared)
+                        .and_then(|c| meet_triangle(&triangle, &c, ray, t_max, ends))
+                }
+                AtBorder::Passed => None,
+                AtBorder::Met(found) => Some(found).filter(|f| f.0 <= t_max),
+            };
+            met.is_some_and(|f| found(triangle.shape, f))
+        })
     }
 
     #[inline(always)]
@@ -307,40 +337,58 @@ impl<'s> Tracer<'s> {
         }
     }
 
-    fn ends<'a>(
+    /// Which of a ray's ends are on borders of triangles.
+    #[inline(always)]
+    fn find_borders(
         &self,
         ray: &Ray,
         t_max: f64,
-        start: &'a [Anchor],
-        end: Option<&'a Anchor>,
-    ) -> Ends<'a> {
-        let mut borders = ArrayVec::new();
-        let ends = start.iter().map(|a| (a, ray.direction, 0.0));
-        for (anchor, direction, t) in ends.chain(end.map(|a| (a, -ray.direction, t_max))) {
-            if let Surface::Mesh(m) = self.surface(anchor.shape.0) {
-                let SurfacePoint { primitive, p, q, .. } = anchor.point;
-                if !may_be_border(p, q) {
-                    continue;
-                }
-                let triangle = m.corners(primitive);
-                let on = border(&triangle, p, q);
-                if !on.is_empty() {
-                    let middle =
-                        (triangle[0].coords + triangle[1].coords + triangle[2].coords) / 3.0;
-                    // More than nine such ends there cannot be in earnest; further ones go by rounding.
-                    let _ = borders.try_push(BorderPoint {
-                        shape: anchor.shape.0,
-                        primitive: anchor.point.primitive,
-                        corners: on.iter().map(|&i| triangle[i]).collect(),
-                        x: anchor.point.x,
-                        inward: middle - anchor.point.x.coords,
-                        direction,
-                        t,
-                    });
-                }
+        start: &[Anchor],
+        end: Option<&Anchor>,
+        borders: &mut ArrayVec<BorderPoint, 9>,
+    ) {
+        for anchor in start {
+            if self.is_mesh(anchor) && may_be_border(anchor.point.p, anchor.point.q) {
+                self.note_border(anchor, ray.direction, 0.0, borders);
             }
         }
-        Ends { start, end, end_point: None, borders }
+        if let Some(anchor) = end.filter(|a| self.is_mesh(a) && may_be_border(a.point.p, a.point.q))
+        {
+            self.note_border(anchor, -ray.direction, t_max, borders);
+        }
+    }
+
+    #[inline(always)]
+    fn is_mesh(&self, anchor: &Anchor) -> bool {
+        matches!(self.surface(anchor.shape.0), Surface::Mesh(_))
+    }
+
+    #[cold]
+    fn note_border(
+        &self,
+        anchor: &Anchor,
+        direction: Vector3,
+        t: f64,
+        borders: &mut ArrayVec<BorderPoint, 9>,
+    ) {
+        let Surface::Mesh(m) = self.surface(anchor.shape.0) else { return };
+        let SurfacePoint { primitive, p, q, x } = anchor.point;
+        let triangle = m.corners(primitive);
+        let on = border(&triangle, p, q);
+        if on.is_empty() {
+            return;
+        }
+        let middle = (triangle[0].coords + triangle[1].coords + triangle[2].coords) / 3.0;
+        // More than nine such ends there cannot be in earnest; further ones go by rounding.
+        let _ = borders.try_push(BorderPoint {
+            shape: anchor.shape.0,
+            primitive,
+            corners: on.iter().map(|&i| triangle[i]).collect(),
+            x,
+            inward: middle - x.coords,
+            direction,
+            t,
+        });
     }
 
     /// The nearest root of a primitive that is not a triangle at 0 < t ≤ `t_max`.
@@ -414,23 +462,15 @@ impl Ends<'_> {
     }
 }
 
-/// The crossing of a ray with a triangle at 0 < t ≤ `t_max`.
+/// The crossing of a ray's line with a triangle, if it is at 0 < t ≤ `t_max`.
 #[inline(always)]
 fn meet_triangle(
     triangle: &Triangle,
-    shear: &Shear,
+    c: &TriangleCrossing,
     ray: &Ray,
     t_max: f64,
     ends: &Ends,
 ) -> Option<Found> {
-    if !ends.borders.is_empty() {
-        match meet_at_border(triangle, ends) {
-            AtBorder::Elsewhere => {}
-            AtBorder::Passed => return None,
-            AtBorder::Met(found) => return Some(found),
-        }
-    }
-    let c = shear.crossing(&triangle.corners)?;
     if !(c.t > 0.0 && c.t <= t_max) {
         return None;
     }
@@ -457,7 +497,6 @@ enum AtBorder {
 }
 
 /// What happens at a start (or end) on a border to triangles that share it.
-#[cold]
 fn meet_at_border(triangle: &Triangle, ends: &Ends) -> AtBorder {
     let mut result = AtBorder::Elsewhere;
     for b in ends.borders.iter().filter(|b| b.shape == triangle.shape) {

@@ -2,85 +2,13 @@
 
 use crate::geometry::{Point3, Ray, Vector3};
 use arrayvec::ArrayVec;
-use wide::f32x8;
 
-/// A triangle as it lies in the hierarchy's order.
+/// A triangle, and whose it is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Triangle {
     pub corners: [Point3; 3],
     pub shape: u32,
     pub primitive: u32,
-}
-
-/// The triangles of one leaf, eight at a time in single precision in the hierarchy's frame: which of them
-/// the exact test has to look at. Lanes beyond the leaf's count hold anything finite.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Block {
-    /// By corner and axis.
-    corners: [[f32x8; 3]; 3],
-}
-
-/// A ray as [`Block::candidates`] wants it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct BlockRay {
-    axes: [usize; 3],
-    origin: [f32x8; 3],
-    shear: [f32x8; 2],
-}
-
-impl BlockRay {
-    /// From a ray in the hierarchy's frame, starting in [−2, 2]³.
-    pub fn new(origin: &Vector3, direction: &Vector3) -> Self {
-        let z = direction.iamax();
-        let axes = [(z + 1) % 3, (z + 2) % 3, z];
-        let d = direction;
-        Self {
-            axes,
-            origin: axes.map(|k| f32x8::splat(origin[k] as f32)),
-            shear: [0, 1].map(|i: usize| f32x8::splat((d[axes[i]] / d[z]) as f32)),
-        }
-    }
-}
-
-impl Block {
-    /// From up to eight triangles, corners in the hierarchy's frame.
-    pub fn new(triangles: &[[Vector3; 3]]) -> Self {
-        let lanes = |corner: usize, axis: usize| {
-            f32x8::new(std::array::from_fn(|i| {
-                triangles.get(i).map_or(0.0, |t| t[corner][axis] as f32)
-            }))
-        };
-        Self { corners: [0, 1, 2].map(|c| [0, 1, 2].map(|a| lanes(c, a))) }
-    }
-
-    /// A bit for every triangle that the ray's line may meet; all others it misses for certain.
-    ///
-    /// A corner (of size ≤ 1) and the ray's start (≤ 2) are off by 1.5·2⁻²⁴; their difference (≤ 3)
-    /// rounds by 3·2⁻²⁴; with the sheared direction's rounding, the product's and the last difference's
-    /// the sheared coordinates are off by less than 24·2⁻²⁴. Edge functions, of coordinates c of size ≤ 6,
-    /// are then off by less than 4·DOUBT·(max |c| + DOUBT).
-    #[inline(always)]
-    pub fn candidates(&self, ray: &BlockRay) -> u32 {
-        const DOUBT: f32 = 40.0 / 16_777_216.0;
-        let [kx, ky, kz] = ray.axes;
-        let sheared = |corner: usize| {
-            let c = &self.corners[corner];
-            let z = c[kz] - ray.origin[2];
-            let x = (c[kx] - ray.origin[0]) - ray.shear[0] * z;
-            let y = (c[ky] - ray.origin[1]) - ray.shear[1] * z;
-            (x, y)
-        };
-        let ((ax, ay), (bx, by), (cx, cy)) = (sheared(0), sheared(1), sheared(2));
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let size = (ax.abs().fast_max(ay.abs()).fast_max(bx.abs()))
-            .fast_max(by.abs().fast_max(cx.abs()).fast_max(cy.abs()));
-        let doubt = (size + f32x8::splat(DOUBT)) * f32x8::splat(4.0 * DOUBT);
-        let least = u.fast_min(v).fast_min(w);
-        let most = u.fast_max(v).fast_max(w);
-        !((least.simd_lt(-doubt)) & (most.simd_gt(doubt))).to_bitmask()
-    }
 }
 
 /// Where a line meets a triangle.
@@ -105,7 +33,16 @@ pub(super) struct Shear {
     shear: Vector3,
 }
 
+/// A corner in a ray's sheared frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sheared {
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
 impl Shear {
+    #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         let d = &ray.direction;
         let z = d.iamax();
@@ -114,20 +51,26 @@ impl Shear {
         Self { origin: ray.origin, axes, shear }
     }
 
+    /// A corner relative to the ray: across it, and along it.
+    #[inline(always)]
+    pub fn apply(&self, corner: &[f64; 3]) -> Sheared {
+        let [kx, ky, kz] = self.axes;
+        let z = corner[kz] - self.origin[kz];
+        Sheared {
+            x: (corner[kx] - self.origin[kx]) - self.shear.x * z,
+            y: (corner[ky] - self.origin[ky]) - self.shear.y * z,
+            z,
+        }
+    }
+
     /// Where the line (t of either sign) meets the triangle; borders belong to it. `None` when they
     /// miss each other or the line lies in the plane.
     #[inline(always)]
-    pub fn crossing(&self, corners: &[Point3; 3]) -> Option<TriangleCrossing> {
-        let [kx, ky, kz] = self.axes;
-        let (a, b, c) =
-            (corners[0] - self.origin, corners[1] - self.origin, corners[2] - self.origin);
-        let s = &self.shear;
-        let (ax, ay) = (a[kx] - s.x * a[kz], a[ky] - s.y * a[kz]);
-        let (bx, by) = (b[kx] - s.x * b[kz], b[ky] - s.y * b[kz]);
-        let (cx, cy) = (c[kx] - s.x * c[kz], c[ky] - s.y * c[kz]);
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
+    pub fn crossing(&self, corners: &[Sheared; 3]) -> Option<TriangleCrossing> {
+        let [a, b, c] = corners;
+        let u = c.x * b.y - c.y * b.x;
+        let v = a.x * c.y - a.y * c.x;
+        let w = b.x * a.y - b.y * a.x;
         let least = u.min(v).min(w);
         let most = u.max(v).max(w);
         if least < 0.0 && most > 0.0 {
@@ -137,11 +80,11 @@ impl Shear {
         if area == 0.0 {
             return None;
         }
-        let (ta, tb, tc) = (u * a[kz], v * b[kz], w * c[kz]);
+        let (ta, tb, tc) = (u * a.z, v * b.z, w * c.z);
         let sum = ta + tb + tc;
         // The fraction is generous: it only decides whether the exact question is asked.
         let cancelled = sum.abs() <= 1e-6 * (ta.abs() + tb.abs() + tc.abs());
-        Some(TriangleCrossing { t: sum * s.z / area, p: v / area, q: w / area, cancelled })
+        Some(TriangleCrossing { t: sum * self.shear.z / area, p: v / area, q: w / area, cancelled })
     }
 }
 
