@@ -11,7 +11,7 @@ use crate::trace::{Anchor, Hit};
 
 /// Most edge functions that a chain carries for horizon, sides and borders; what comes later is
 /// decided by sampling.
-pub const MAX_CHAIN_EDGES: usize = 12;
+pub const MAX_CHAIN_EDGES: usize = 8;
 
 /// What a specular surface does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -96,12 +96,24 @@ impl Arrival {
 /// A family of rays as it leaves a surface.
 #[derive(Clone, Debug)]
 pub struct Departure {
-    /// As it arrived.
-    pub arrival: Arrival,
-    /// As it leaves; the origin is the arrival's point.
+    /// Where the central ray leaves.
+    pub anchor: Anchor,
+    /// As it leaves; the origin is on the surface.
     pub ray: DualRay,
+    /// As in [`Arrival::first_normal`].
+    pub first_normal: Vector3,
+    /// As in [`Arrival::weight`].
+    pub weight: Dual,
+    /// As in [`Arrival::solid_angle`].
+    pub solid_angle: f64,
     /// Throughput of radiance after the event, a channel each.
     pub throughput: [Dual; 3],
+    /// As in [`Arrival::radiance_scale`].
+    pub radiance_scale: f64,
+    /// As in [`Arrival::edges`].
+    pub edges: ArrayVec<Dual, MAX_CHAIN_EDGES>,
+    /// As in [`Arrival::visible`].
+    pub visible: Visibility,
     /// The nearest hit of the central ray, looked for only where the legs are free.
     pub next: Option<Hit>,
 }
@@ -111,7 +123,8 @@ pub struct Departure {
 ///
 /// Throughput follows radiance from the far end to the receiver: Fresnel's factors, and (n₁/n₂)² at a
 /// boundary from the receiver's side 1 into 2.
-pub fn depart(mut arrival: Arrival, material: &Material, step: &Step) -> Option<Departure> {
+pub fn depart(arrival: &Arrival, material: &Material, step: &Step) -> Option<Departure> {
+    let mut radiance_scale = arrival.radiance_scale;
     // The normal on the side that the family comes from.
     let n = if step.front { arrival.n } else { -arrival.n };
     let cos_i = -arrival.d.dot(&n);
@@ -136,7 +149,7 @@ pub fn depart(mut arrival: Arrival, material: &Material, step: &Step) -> Option<
                     reflected(&arrival.d, &n)
                 }
                 Event::Transmit => {
-                    arrival.radiance_scale *= (n1 * n1) / (n2 * n2);
+                    radiance_scale *= (n1 * n1) / (n2 * n2);
                     let passed = (reflectance * -1.0 + 1.0) * ((n1 * n1) / (n2 * n2));
                     for (t, f) in throughput.iter_mut().zip(boundary.transmittance.0) {
                         *t = *t * passed * f;
@@ -161,7 +174,18 @@ pub fn depart(mut arrival: Arrival, material: &Material, step: &Step) -> Option<
     let ray = DualRay { o: arrival.x, d };
     let finite = d.v.iter().chain(d.a.iter()).chain(d.b.iter()).all(|c| c.is_finite())
         && throughput.iter().all(Dual::is_finite);
-    finite.then_some(Departure { arrival, ray, throughput, next: None })
+    finite.then(|| Departure {
+        anchor: arrival.anchor,
+        ray,
+        first_normal: arrival.first_normal,
+        weight: arrival.weight,
+        solid_angle: arrival.solid_angle,
+        throughput,
+        radiance_scale,
+        edges: arrival.edges.clone(),
+        visible: arrival.visible,
+        next: None,
+    })
 }
 
 /// The events that a surface offers to light on one of its sides.

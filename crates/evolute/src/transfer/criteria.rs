@@ -59,7 +59,7 @@ impl Default for Criteria {
 
 impl SolidAngle {
     /// Whether a cell of this share of the domain is too large.
-    pub fn divides(&self, corners: &[Option<FieldSample>; 4], area: f64) -> bool {
+    pub fn divides(&self, corners: &[Option<&FieldSample>; 4], area: f64) -> bool {
         let (sum, count) =
             corners.iter().flatten().fold((0.0, 0.0), |(s, n), c| (s + c.solid_angle, n + 1.0));
         count > 0.0 && sum / count * area > self.largest
@@ -68,10 +68,10 @@ impl SolidAngle {
 
 impl NormalVariation {
     /// Whether the corners' normals differ too much.
-    pub fn divides(&self, corners: &[Option<FieldSample>; 4]) -> bool {
+    pub fn divides(&self, corners: &[Option<&FieldSample>; 4]) -> bool {
         let least = self.least_cosine;
         (0..4).any(|i| {
-            (0..i).any(|j| match (&corners[i], &corners[j]) {
+            (0..i).any(|j| match (corners[i], corners[j]) {
                 (Some(p), Some(q)) => p.normal.dot(&q.normal) < least,
                 _ => false,
             })
@@ -81,11 +81,11 @@ impl NormalVariation {
 
 impl MatchingTrees {
     /// Whether the corners' trees differ, at a cell that many divisions below the first grid.
-    pub fn divides(&self, corners: &[Option<FieldSample>; 4], divisions: u32) -> bool {
+    pub fn divides(&self, corners: &[Option<&FieldSample>; 4], divisions: u32) -> bool {
         if divisions >= self.divisions {
             return false;
         }
-        let sees = |c: &Option<FieldSample>| c.as_ref().is_some_and(|s| s.sight != Sight::Off);
+        let sees = |c: &Option<&FieldSample>| c.is_some_and(|s| s.sight != Sight::Off);
         let first = sees(&corners[0]);
         corners.iter().any(|c| sees(c) != first)
     }

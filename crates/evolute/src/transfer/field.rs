@@ -134,18 +134,17 @@ pub fn sample_through(
     at: GridPoint,
 ) -> Option<FieldSample> {
     let departure = words.departure(word, at)?;
-    let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> =
-        departure.arrival.edges.iter().copied().collect();
+    let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> = departure.edges.iter().copied().collect();
     let outline = lamp.edges(&departure.ray);
     let on_lamp = outline.iter().all(|e| e.v > 0.0);
     edges.extend(outline);
-    let w = departure.arrival.weight;
+    let w = departure.weight;
     Some(FieldSample {
         edges,
         weight: departure.throughput.map(|t| w * t),
         sight: sight(departure, lamp, on_lamp),
-        normal: departure.arrival.first_normal,
-        solid_angle: departure.arrival.solid_angle,
+        normal: departure.first_normal,
+        solid_angle: departure.solid_angle,
         next: departure.next.map(|h| h.anchor.shape),
     })
 }
@@ -153,7 +152,7 @@ pub fn sample_through(
 /// Whether the last leg reaches the lamp. Where it misses the outline, what it meets instead says
 /// nothing: a wall that touches the lamp's edge is no occluder.
 fn sight(departure: &Departure, lamp: &Lamp, on_outline: bool) -> Sight {
-    match departure.arrival.visible {
+    match departure.visible {
         Visibility::Blocked => return Sight::Off,
         Visibility::Beyond => return Sight::Unknown,
         Visibility::Free => {}

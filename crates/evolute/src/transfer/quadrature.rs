@@ -8,7 +8,7 @@
 //! estimate, not a bound: a feature between samples is unseen.
 
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap};
 
 use arrayvec::ArrayVec;
 
@@ -19,7 +19,7 @@ use super::field::{DirectField, FieldSample, MAX_FIELD_EDGES, Sight, sample_thro
 use super::lamp::Lamp;
 use super::polynomial::Patch;
 use super::settings::Counts;
-use super::word::{GRID_BITS, GridPoint, WordId, Words};
+use super::word::{GRID_BITS, GridHasher, GridPoint, WordId, Words};
 use crate::geometry::Rgb;
 use crate::optics::Dual;
 
@@ -96,6 +96,9 @@ pub struct Quadrature<'s, 'l> {
     terms: Vec<Term<'s>>,
     /// Level of each term's first grid.
     first: Vec<u32>,
+    samples: Vec<Option<FieldSample>>,
+    /// Numbers of each term's samples by grid point.
+    sampled: Vec<HashMap<u64, u32, GridHasher>>,
     cells: Vec<Cell>,
     queue: BinaryHeap<Candidate>,
     /// Luminance and error of all leaves so far.
@@ -124,6 +127,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             criteria,
             terms: Vec::new(),
             first: Vec::new(),
+            samples: Vec::new(),
+            sampled: Vec::new(),
             cells: Vec::new(),
             queue: BinaryHeap::new(),
             luminance: 0.0,
@@ -159,6 +164,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let index = self.terms.len() as u32;
         self.terms.push(term);
         self.first.push(first);
+        self.sampled.push(HashMap::default());
         let n = 1u32 << first;
         let step = 1u32 << (GRID_BITS - first);
         for i in 0..n {
@@ -256,7 +262,19 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         list
     }
 
-    fn sample(&mut self, term: usize, at: GridPoint) -> Option<FieldSample> {
+    /// The number of the term's sample at a grid point; neighbouring cells share it.
+    fn sample(&mut self, term: usize, at: GridPoint) -> usize {
+        if let Some(&known) = self.sampled[term].get(&at.key()) {
+            return known as usize;
+        }
+        let sample = self.compute(term, at);
+        let index = self.samples.len();
+        self.samples.push(sample);
+        self.sampled[term].insert(at.key(), index as u32);
+        index
+    }
+
+    fn compute(&mut self, term: usize, at: GridPoint) -> Option<FieldSample> {
         match &self.terms[term] {
             Term::Direct(field, _) => {
                 self.counts.chains += 1;
@@ -274,8 +292,9 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let h = 1.0 / f64::from(1u32 << level);
         let area = h * h;
         let at = |di, dj| GridPoint { i: i + di, j: j + dj };
-        let corners = [at(0, 0), at(side, 0), at(0, side), at(side, side)]
+        let numbers = [at(0, 0), at(side, 0), at(0, side), at(side, side)]
             .map(|point| self.sample(term, point));
+        let corners = numbers.map(|k| self.samples[k].as_ref());
         let (radiance, channels) = match &self.terms[term] {
             Term::Direct(_, radiance) => (*radiance, 1),
             Term::Through(word, lamp) => {
@@ -286,7 +305,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let centre_at = at(side / 2, side / 2);
         if missing == 4 {
             // A chain that exists nowhere on the corners may still exist inside.
-            let Some(centre) = self.sample(term, centre_at) else { return Estimate::DARK };
+            let centre = self.sample(term, centre_at);
+            let Some(centre) = &self.samples[centre] else { return Estimate::DARK };
             let most = centre.weight[0].v.abs() * area * radiance.luminance();
             return Estimate { integral: Rgb::BLACK, error: most, divide: level <= first };
         }
@@ -312,12 +332,14 @@ impl<'s, 'l> Quadrature<'s, 'l> {
                 return Estimate { integral: Rgb::BLACK, error: 0.0, divide: true };
             }
         }
-        let centre = self.sample(term, centre_at);
+        let centre_number = self.sample(term, centre_at);
+        let corners = numbers.map(|k| self.samples[k].as_ref());
+        let centre = self.samples[centre_number].as_ref();
         let mut weights = Weights::new();
         let mut weight_residual = 0.0;
         for c in 0..channels {
             let mut patch = hermite(&corners, h, |s| s.weight[c] * area);
-            if let Some(s) = &centre {
+            if let Some(s) = centre {
                 let (value, slope) = residual(&patch, &(s.weight[c] * area), h);
                 patch.add_bump(value);
                 let share = if channels == 1 { 1.0 } else { LUMINANCE[c] };
@@ -330,7 +352,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let mut cuts: ArrayVec<Patch, MAX_CONSTRAINTS> = ArrayVec::new();
         for (k, mut patch) in edges.into_iter().enumerate() {
             let mut shift = 0.0;
-            if let Some(s) = &centre {
+            if let Some(s) = centre {
                 let (value, slope) = residual(&patch, &s.edges[k], h);
                 patch.add_bump(value);
                 shift = LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
@@ -380,9 +402,9 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             (exact, shift_error + lum([weight_residual * lit; 3]).abs() + straightened)
         };
         // What sampling alone sees: occluders, chains that do not exist.
-        let on = |s: &Option<FieldSample>| s.as_ref().map_or(Sight::Off, |s| s.sight);
-        let sights = [on(&corners[0]), on(&corners[1]), on(&corners[2]), on(&corners[3])];
-        let mid = on(&centre);
+        let on = |s: Option<&FieldSample>| s.map_or(Sight::Off, |s| s.sight);
+        let sights = corners.map(on);
+        let mid = on(centre);
         let any_off = mid == Sight::Off || sights.contains(&Sight::Off);
         let any_on = mid == Sight::On || sights.contains(&Sight::On);
         let whole = lum(integral).abs().max(error);
@@ -391,7 +413,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             // None of the five rays is lit; ask where the polynomials say that most light is.
             let (a, b) = brightest_point(&cuts);
             let to = |x: f64| (x * f64::from(side)) as u32;
-            if on(&self.sample(term, at(to(a), to(b)))) == Sight::Off {
+            let asked = self.sample(term, at(to(a), to(b)));
+            if on(self.samples[asked].as_ref()) == Sight::Off {
                 // Hidden, as far as one ray tells.
                 error = error.max(whole);
                 result = [0.0; 3];
@@ -415,7 +438,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             let mut ask = |a: f64, b: f64| {
                 let to = |x: f64| (x * f64::from(side) + 0.5) as u32;
                 let point = at(to(a), to(b));
-                on(&self.sample(term, point)) != Sight::Off
+                let asked = self.sample(term, point);
+                on(self.samples[asked].as_ref()) != Sight::Off
             };
             match border(sights.map(seen), seen(mid), &mut ask) {
                 Border::Everything => {}
@@ -480,12 +504,12 @@ fn residual(patch: &Patch, truth: &Dual, h: f64) -> (f64, f64) {
 /// The patch through the corners; corners where the field does not exist are extrapolated from the
 /// others.
 fn hermite(
-    corners: &[Option<FieldSample>; 4],
+    corners: &[Option<&FieldSample>; 4],
     h: f64,
     pick: impl Fn(&FieldSample) -> Dual,
 ) -> Patch {
     const AT: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
-    let known: [Option<Dual>; 4] = std::array::from_fn(|k| corners[k].as_ref().map(&pick));
+    let known: [Option<Dual>; 4] = std::array::from_fn(|k| corners[k].map(&pick));
     let data: [Dual; 4] = std::array::from_fn(|k| {
         known[k].unwrap_or_else(|| {
             let (mut sum, mut count) = (Dual::default(), 0.0);

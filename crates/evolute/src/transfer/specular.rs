@@ -304,15 +304,15 @@ fn look(words: &mut Words<'_>, word: WordId) -> Look {
     for at in grid(COARSE_LEVEL) {
         count += 1.0;
         let Some(departure) = words.departure(word, at) else { continue };
-        let legal = departure.arrival.edges.iter().all(|e| e.v >= 0.0);
-        if departure.arrival.visible == Visibility::Free && legal {
+        let legal = departure.edges.iter().all(|e| e.v >= 0.0);
+        if departure.visible == Visibility::Free && legal {
             let throughput = departure.throughput.iter().fold(0f64, |m, t| m.max(t.v));
-            let weight = departure.arrival.weight.v.max(0.0);
+            let weight = departure.weight.v.max(0.0);
             // Whatever follows cannot add radiance but for leaving the medium again.
-            look.passed += weight * throughput / departure.arrival.radiance_scale;
+            look.passed += weight * throughput / departure.radiance_scale;
             look.offered += weight;
         }
-        look.reaches |= departure.arrival.visible != Visibility::Blocked;
+        look.reaches |= departure.visible != Visibility::Blocked;
     }
     look.passed /= count;
     look.offered /= count;

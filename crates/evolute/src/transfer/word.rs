@@ -36,7 +36,8 @@ impl GridPoint {
         (f64::from(self.i) * unit, f64::from(self.j) * unit)
     }
 
-    fn key(&self) -> u64 {
+    /// One number for both.
+    pub fn key(&self) -> u64 {
         (u64::from(self.i) << 32) | u64::from(self.j)
     }
 }
@@ -232,11 +233,11 @@ impl<'s> Words<'s> {
             Source::After(parent) => self.next_arrival(parent, &step, at)?,
         };
         let material = &self.scene.shape(step.shape).material;
-        let mut departure = depart(arrival, material, &step)?;
-        if departure.arrival.visible == Visibility::Free {
-            let ray = Ray::new(departure.arrival.anchor.point.x, departure.ray.d.v);
+        let mut departure = depart(&arrival, material, &step)?;
+        if departure.visible == Visibility::Free {
+            let ray = Ray::new(departure.anchor.point.x, departure.ray.d.v);
             self.counts.rays += 1;
-            let next = self.tracer.nearest(&ray, f64::INFINITY, &[departure.arrival.anchor]);
+            let next = self.tracer.nearest(&ray, f64::INFINITY, &[departure.anchor]);
             departure.next = next;
             if let Some(hit) = next {
                 self.discover(word, &departure.ray, &hit);
@@ -320,11 +321,11 @@ impl<'s> Words<'s> {
                     .local(&h.anchor.point)
                     .is_some_and(|l| (before.ray.d.v.dot(&l.ng) < 0.0) == step.front)
         });
-        let same = before.arrival.anchor.shape == step.shape;
+        let same = before.anchor.shape == step.shape;
         let meeting =
             meet(surface, step.primitive, step.front, &before.ray, real, same, &step.hint)?;
         let inside = meeting.apertures.iter().all(|e| e.v > 0.0);
-        let visible = match before.arrival.visible {
+        let visible = match before.visible {
             Visibility::Free if real.is_some() => Visibility::Free,
             Visibility::Free if inside => Visibility::Blocked,
             Visibility::Free => Visibility::Beyond,
@@ -335,9 +336,13 @@ impl<'s> Words<'s> {
             x: meeting.x,
             d: before.ray.d,
             n: meeting.n,
+            first_normal: before.first_normal,
+            weight: before.weight,
+            solid_angle: before.solid_angle,
             throughput: before.throughput,
+            radiance_scale: before.radiance_scale,
+            edges: before.edges.clone(),
             visible,
-            ..before.arrival.clone()
         };
         for e in meeting.apertures {
             arrival.push_edge(e);
@@ -361,7 +366,7 @@ fn facet(surface: &Surface, anchor: &Anchor) -> Option<u32> {
 /// Multiplies grid keys by an odd constant (2⁶⁴ over the golden ratio) and folds; the map is only
 /// ever asked for single keys, so its order never shows.
 #[derive(Default)]
-struct GridHash(u64);
+pub struct GridHash(u64);
 
 impl Hasher for GridHash {
     fn finish(&self) -> u64 {
@@ -378,4 +383,5 @@ impl Hasher for GridHash {
     }
 }
 
-type GridHasher = BuildHasherDefault<GridHash>;
+/// Builds hashers of grid keys.
+pub type GridHasher = BuildHasherDefault<GridHash>;
