@@ -48,6 +48,19 @@ impl<'s> Transfer<'s> {
         self.gather(receiver, components).0
     }
 
+    /// The irradiance at a receiver, with a tolerance that does not fall below `absolute` [W/m²]: for
+    /// parts of a sum whose other parts are known.
+    pub fn light_to(
+        &self,
+        receiver: &Receiver,
+        components: Components,
+        absolute: f64,
+    ) -> ReceiverLight {
+        let absolute = self.settings.absolute.max(absolute);
+        let settings = TransferSettings { absolute, ..self.settings };
+        Self { settings, lamps: self.lamps.clone(), ..*self }.light(receiver, components)
+    }
+
     /// The irradiance at a receiver, and its specular part by word.
     pub fn light_by_word(
         &self,

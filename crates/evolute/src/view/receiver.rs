@@ -6,6 +6,15 @@ use crate::transfer::{Components, Receiver, ReceiverLight, Transfer, TransferSet
 
 use super::tree::Leaf;
 
+/// The parts of the irradiance that are computed on their own: most edges are edges of one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    /// From lamps directly.
+    Direct,
+    /// From lamps by specular chains.
+    Specular,
+}
+
 /// Computes irradiance at leaves. A scene's `max_depth` limits the chain from the lamp together with
 /// the chain to the eye, so there is one transfer for each length that may be left over.
 pub(super) struct Lighting<'s> {
@@ -38,19 +47,28 @@ impl<'s> Lighting<'s> {
         self.interactions.map_or(max_specular, |n| n.min(max_specular))
     }
 
-    /// Direct and specular irradiance at a leaf.
-    pub fn light(&self, leaf: &Leaf) -> ReceiverLight {
-        let both = Components { direct: true, specular: true };
-        let receiver = Receiver { position: leaf.position, normal: leaf.normal };
+    /// Whether anything can come by specular chains.
+    pub fn is_specular(&self, scene: &Scene) -> bool {
+        self.specular && scene.shapes.iter().any(|s| s.material.is_specular())
+    }
+
+    /// One part of the irradiance at a leaf, with a tolerance not below `absolute` [W/m²].
+    pub fn light(&self, leaf: &Leaf, part: Part, absolute: f64) -> ReceiverLight {
+        let nothing = ReceiverLight { met: true, ..ReceiverLight::default() };
         // What the chain to the eye and the diffuse interaction leave for the chain from the lamp.
         let left = match self.interactions {
             None => u32::MAX,
-            Some(n) if n <= leaf.depth => return ReceiverLight { met: true, ..Default::default() },
+            Some(n) if n <= leaf.depth => return nothing,
             Some(n) => n - leaf.depth - 1,
         };
-        let components = Components { specular: self.specular && left > 0, ..both };
+        let components = match part {
+            Part::Direct => Components { direct: true, specular: false },
+            Part::Specular if left == 0 || !self.specular => return nothing,
+            Part::Specular => Components { direct: false, specular: true },
+        };
+        let receiver = Receiver { position: leaf.position, normal: leaf.normal };
         let longest = self.transfers.len() - 1;
         let transfer = &self.transfers[longest.min(usize::try_from(left).unwrap_or(longest))];
-        transfer.light(&receiver, components)
+        transfer.light_to(&receiver, components, absolute)
     }
 }

@@ -9,6 +9,7 @@ use crate::transfer::Counts;
 
 use super::filter::FilterTable;
 use super::lattice::Lattice;
+use super::receiver::Part;
 use super::tree::{Leaf, Sight};
 use super::{Control, Order, Picture, View};
 
@@ -26,6 +27,26 @@ const CREASE: f64 = 0.99;
 
 /// Rows of pixels that one thread does at a time.
 const ROWS: u32 = 8;
+
+/// The lattices of both parts of the irradiance; no specular one where there is nothing specular.
+pub(super) struct Lattices<'l> {
+    pub direct: &'l Lattice<'l>,
+    pub specular: Option<&'l Lattice<'l>>,
+}
+
+impl<'l> Lattices<'l> {
+    fn of(&self, part: Part) -> Option<&'l Lattice<'l>> {
+        match part {
+            Part::Direct => Some(self.direct),
+            Part::Specular => self.specular,
+        }
+    }
+
+    fn finer_than_pixel(&self, x: u32, y: u32) -> bool {
+        self.direct.finer_than_pixel(x, y)
+            || self.specular.is_some_and(|s| s.finer_than_pixel(x, y))
+    }
+}
 
 /// The parts of a radiance.
 #[derive(Clone, Copy, Default)]
@@ -83,7 +104,7 @@ struct Band {
 /// Makes the picture; `None` if told to abandon it.
 pub(super) fn resolve(
     view: &View<'_>,
-    lattice: &Lattice,
+    lattices: &Lattices<'_>,
     control: &Control<'_>,
 ) -> Option<Picture> {
     let filter = FilterTable::new(view.filter);
@@ -91,11 +112,14 @@ pub(super) fn resolve(
     let starts: Vec<u32> = (0..view.height).step_by(ROWS as usize).collect();
     let mut sums = vec![Sums::default(); width * height];
     let mut picture = Picture::new(width, height);
-    picture.nodes = lattice.len() as u64;
-    picture.receivers = lattice.receivers;
-    picture.unmet = lattice.unmet;
-    picture.counts = lattice.counts;
-    picture.complete = lattice.complete;
+    picture.complete = true;
+    for lattice in [Some(lattices.direct), lattices.specular].into_iter().flatten() {
+        picture.nodes += lattice.len() as u64;
+        picture.receivers += lattice.receivers;
+        picture.unmet += lattice.unmet;
+        picture.counts += lattice.counts;
+        picture.complete &= lattice.complete;
+    }
     let mut cut = 0.0;
     // A few bands at a time, so that memory stays bounded; they are added up in order.
     for (i, some) in starts.chunks(16).enumerate() {
@@ -104,7 +128,7 @@ pub(super) fn resolve(
         }
         (control.progress)((i * 16) as u64, starts.len() as u64);
         let bands: Vec<Band> =
-            some.par_iter().map(|y| band(view, lattice, &filter, *y, control)).collect();
+            some.par_iter().map(|y| band(view, lattices, &filter, *y, control)).collect();
         for (first, band) in some.iter().zip(bands) {
             let top = i64::from(*first) - filter.reach;
             for (row, line) in band.sums.chunks(width).enumerate() {
@@ -140,7 +164,7 @@ pub(super) fn resolve(
 /// The rows from `top` on, [`ROWS`] of them or what is left of the film.
 fn band(
     view: &View<'_>,
-    lattice: &Lattice,
+    lattices: &Lattices<'_>,
     filter: &FilterTable,
     top: u32,
     control: &Control<'_>,
@@ -164,7 +188,7 @@ fn band(
         let y = top + row;
         let below = corners_of(y + 1, &mut band);
         for x in 0..view.width {
-            let mut pixel = Pixel { view, lattice, own: HashMap::new(), may_compute, x, y };
+            let mut pixel = Pixel { view, lattices, own: HashMap::new(), may_compute, x, y };
             let i = x as usize;
             let corners = [&above[i], &above[i + 1], &below[i], &below[i + 1]];
             pixel.resolve(corners, filter, row, &mut band);
@@ -177,9 +201,9 @@ fn band(
 /// A pixel at work.
 struct Pixel<'p, 's> {
     view: &'p View<'s>,
-    lattice: &'p Lattice,
+    lattices: &'p Lattices<'p>,
     /// Irradiance of surfaces that no node of the lattice sees, computed once a pixel.
-    own: HashMap<u64, (Rgb, Rgb)>,
+    own: HashMap<(u64, bool), Rgb>,
     may_compute: bool,
     x: u32,
     y: u32,
@@ -192,7 +216,7 @@ impl Pixel<'_, '_> {
         let parts = self.shade(&centre, x + 0.5, y + 0.5, band);
         let at_centre = self.centre(&centre, band);
         band.centres.push(at_centre);
-        let plain = !self.lattice.finer_than_pixel(self.x, self.y)
+        let plain = !self.lattices.finer_than_pixel(self.x, self.y)
             && corners.iter().all(|corner| alike(&centre, corner));
         if plain {
             self.splat(&parts, row, band, filter.reach, |dx, dy| {
@@ -244,29 +268,30 @@ impl Pixel<'_, '_> {
     fn shade(&mut self, sight: &Sight, x: f64, y: f64, band: &mut Band) -> Parts {
         let mut parts = Parts { emitted: sight.emitted, ..Parts::default() };
         for leaf in &sight.leaves {
-            let (direct, specular) = self.irradiance(leaf, x, y, band);
-            parts.direct += leaf.radiance(direct);
-            parts.specular += leaf.radiance(specular);
+            parts.direct += leaf.radiance(self.irradiance(leaf, Part::Direct, x, y, band));
+            parts.specular += leaf.radiance(self.irradiance(leaf, Part::Specular, x, y, band));
         }
         parts
     }
 
-    fn irradiance(&mut self, leaf: &Leaf, x: f64, y: f64, band: &mut Band) -> (Rgb, Rgb) {
-        if let Some(found) = self.lattice.irradiance(x, y, leaf) {
+    fn irradiance(&mut self, leaf: &Leaf, part: Part, x: f64, y: f64, band: &mut Band) -> Rgb {
+        let Some(lattice) = self.lattices.of(part) else { return Rgb::BLACK };
+        if let Some(found) = lattice.irradiance(x, y, leaf) {
             return found;
         }
-        if let Some(found) = self.own.get(&leaf.path) {
+        let key = (leaf.path, part == Part::Direct);
+        if let Some(found) = self.own.get(&key) {
             return *found;
         }
-        let mut found = (Rgb::BLACK, Rgb::BLACK);
+        let mut found = Rgb::BLACK;
         if self.may_compute {
-            let light = (self.view.light)(leaf);
+            let light = (self.view.light)(leaf, part, 0.0);
             band.counts += light.counts;
             band.receivers += 1;
             band.unmet += u64::from(!light.met);
-            found = (light.direct, light.specular);
+            found = light.direct + light.specular;
         }
-        self.own.insert(leaf.path, found);
+        self.own.insert(key, found);
         found
     }
 
@@ -280,7 +305,8 @@ impl Pixel<'_, '_> {
         }
         let Some(leaf) = best else { return Centre::default() };
         let (x, y) = (f64::from(self.x) + 0.5, f64::from(self.y) + 0.5);
-        let (direct, specular) = self.irradiance(leaf, x, y, band);
+        let direct = self.irradiance(leaf, Part::Direct, x, y, band);
+        let specular = self.irradiance(leaf, Part::Specular, x, y, band);
         Centre {
             distance: leaf.distance,
             normal: [leaf.normal.x, leaf.normal.y, leaf.normal.z],
