@@ -1,12 +1,12 @@
 //! Elements → description: parameters, included files, ids and references, values.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::description::{Child, Kind, Object, Property, SceneDescription, Spectrum, Value};
 use super::message::{Checked, Complaint, listed, nearest, quoted};
 
 use super::number;
+use super::references::References;
 use super::source::{MAX_SCENE_BYTES, Sources, Span, read_bytes};
 use super::spectrum;
 use super::text::{Parameters, Text};
@@ -44,9 +44,7 @@ pub(super) fn describe(
         open_files: path.into_iter().collect(),
         objects: Vec::new(),
         folders: Vec::new(),
-        ids: BTreeMap::new(),
-        references: Vec::new(),
-        aliases: Vec::new(),
+        references: References::default(),
     };
     match describer.whole(parameters) {
         Ok(()) => Ok(SceneDescription {
@@ -69,11 +67,7 @@ struct Describer {
     open_files: Vec<PathBuf>,
     objects: Vec<Object>,
     folders: Vec<PathBuf>,
-    ids: BTreeMap<String, (usize, Span)>,
-    /// Owner, place among its children, id.
-    references: Vec<(usize, usize, Text)>,
-    /// New name, old name.
-    aliases: Vec<(Text, Text)>,
+    references: References,
 }
 
 /// The attributes of one element, parameters replaced.
@@ -120,7 +114,7 @@ impl Describer {
         for child in &root.children {
             self.element(child, 0)?;
         }
-        self.resolve()?;
+        self.references.resolve(&mut self.objects)?;
         self.parameters.all_used()
     }
 
@@ -139,17 +133,16 @@ impl Describer {
             "ref" => {
                 let attributes = self.leaf(element, &["id", "name"])?;
                 let id = attributes.require("id")?.clone();
-                let place = self.objects[owner].children.len();
                 // Resolved when everything is read; until then the scene stands in.
-                self.objects[owner].children.push(Child { object: 0, span: id.span });
-                self.references.push((owner, place, id));
+                let children = &mut self.objects[owner].children;
+                self.references.refer(owner, children.len(), id.clone());
+                children.push(Child { object: 0, span: id.span });
                 Ok(())
             }
             "alias" => {
                 let attributes = self.leaf(element, &["id", "as"])?;
-                let (id, new) =
-                    (attributes.require("id")?.clone(), attributes.require("as")?.clone());
-                self.aliases.push((new, id));
+                let (id, new) = (attributes.require("id")?, attributes.require("as")?);
+                self.references.alias(new.clone(), id.clone());
                 Ok(())
             }
             "path" => {
@@ -201,15 +194,8 @@ impl Describer {
         let plugin = attributes.require("type")?.clone();
         let id = attributes.get("id").filter(|id| !id.value.is_empty()).cloned();
         let index = self.objects.len();
-        if let Some(id) = &id
-            && let Some((_, before)) = self.ids.insert(id.value.clone(), (index, id.span))
-        {
-            return Err(Complaint::at(
-                id.span,
-                format!("the id {} is used twice", quoted(&id.value)),
-            )
-            .related(before, "the first time")
-            .help("give each object an id of its own, or none"));
+        if let Some(id) = &id {
+            self.references.name(id, index)?;
         }
         self.objects.push(Object {
             kind,
@@ -411,81 +397,6 @@ impl Describer {
                 .help("write version=\"3.0.0\"")),
         }
     }
-
-    /// Puts the objects in place of the references to them.
-    fn resolve(&mut self) -> Checked<()> {
-        for (new, old) in std::mem::take(&mut self.aliases) {
-            let object = self.lookup(&old)?;
-            if let Some((_, before)) = self.ids.insert(new.value.clone(), (object, new.span)) {
-                return Err(Complaint::at(
-                    new.span,
-                    format!("the id {} is used twice", quoted(&new.value)),
-                )
-                .related(before, "the first time"));
-            }
-        }
-        for (owner, place, id) in std::mem::take(&mut self.references) {
-            let object = self.lookup(&id)?;
-            self.objects[owner].children[place].object = object;
-        }
-        let mut heights = vec![Height::Unknown; self.objects.len()];
-        for object in 0..self.objects.len() {
-            self.height(object, self.objects[object].span, 0, &mut heights)?;
-        }
-        Ok(())
-    }
-
-    fn lookup(&self, id: &Text) -> Checked<usize> {
-        self.ids.get(&id.value).map(|(object, _)| *object).ok_or_else(|| {
-            Complaint::at(id.span, format!("no object has the id {}", quoted(&id.value)))
-                .maybe_meant(nearest(&id.value, self.ids.keys().map(String::as_str)))
-        })
-    }
-
-    /// How deep objects are nested in an object, references followed.
-    fn height(
-        &self,
-        object: usize,
-        span: Span,
-        depth: usize,
-        heights: &mut [Height],
-    ) -> Checked<usize> {
-        match heights[object] {
-            Height::Known(height) => return Ok(height),
-            Height::Open => {
-                return Err(Complaint::at(span, "an object refers to itself")
-                    .related(self.objects[object].span, "this object")
-                    .help("remove one of the references of the circle"));
-            }
-            Height::Unknown => heights[object] = Height::Open,
-        }
-        let mut height = 0;
-        for child in &self.objects[object].children {
-            // `depth` bounds the recursion, `height` what users of the tree will meet.
-            let below = if depth < xml::MAX_DEPTH {
-                self.height(child.object, child.span, depth + 1, heights)?
-            } else {
-                xml::MAX_DEPTH
-            };
-            height = height.max(below + 1);
-            if height > xml::MAX_DEPTH {
-                return Err(Complaint::at(
-                    child.span,
-                    format!("objects are nested more than {} deep", xml::MAX_DEPTH),
-                ));
-            }
-        }
-        heights[object] = Height::Known(height);
-        Ok(height)
-    }
-}
-
-/// What is known of an object's nesting.
-#[derive(Clone, Copy)]
-enum Height {
-    Unknown,
-    Open,
-    Known(usize),
 }
 
 /// Takes a file's bytes into the sources.

@@ -5,8 +5,12 @@
 //! values of them, `schema` knows the plugins, `check` builds the scene with `shape`, `material`
 //! and `sensor`; whatever is wrong becomes a `message`.
 //!
-//! The language is Mitsuba 3's scene XML and follows its conventions; it is stricter in that sizes
-//! must be positive, reflectances at most 1, and every name known.
+//! The language is Mitsuba 3's scene XML and follows its conventions (tests/scene_language.rs has its
+//! answers). It is stricter where Mitsuba goes on with nonsense: numbers must be finite, sizes
+//! positive, reflectances and weights at most 1, radiances at least 0, the axis of a rotation of
+//! length 1, the last row of a matrix 0 0 0 1, text outside of tags white; a film is not cropped, and
+//! a surface has one mirror component a side. It is laxer in that polygons of PLY files need not be
+//! triangles.
 
 mod check;
 mod cie;
@@ -21,6 +25,7 @@ mod model;
 mod number;
 mod placement;
 mod properties;
+mod references;
 mod schema;
 mod sensor;
 mod shape;
