@@ -27,27 +27,39 @@ use crate::geometry::{Aabb, Point3, Ray, Vector3};
 /// rounding errors of a parameter near 1.
 const BORDER: f64 = 1e-13;
 
-/// Most parts of one leaf asked for one ray. Tangent rays need a few hundred; the limit keeps
-/// pathological surfaces (unbounded derivatives along a curve) from running away.
-const MAX_PARTS: u32 = 50_000;
+/// Most parts of one leaf asked for one ray. Tangent rays need a few hundred, those through a pole up to
+/// some thousand; the limit keeps pathological surfaces (a kink along the ray) from running away.
+const MAX_PARTS: u32 = 10_000;
 
 /// Within this of the start [sizes of the surface] a nearly tangent ray's second root is computed from
 /// the second-order expansion at the start: further away ordinary certificates hold (they need
 /// tangent angles above some 10⁻⁷), nearer they drown in rounding.
 const NEAR_START: f64 = 1e-4;
 
+/// Distance between ray and surface up to which a root is one [sizes of the surface].
+const RESIDUAL: f64 = 1e-12;
+
 /// What a patch says to a ray.
 enum Verdict {
     Miss,
-    /// At most one root, here the guess (parameters, from the centre) and the border within which it
-    /// is accepted; `contraction` is ‖M E‖.
-    One {
-        guess: [f64; 2],
-        border: [f64; 2],
-        contraction: f64,
-    },
+    /// At most one root.
+    One(Certificate),
     /// Neither proved.
     Open,
+}
+
+/// A proof that a patch holds at most one root, and where that may be.
+struct Certificate {
+    /// First guess [parameters, from the centre].
+    guess: [f64; 2],
+    /// The root's rounding error [parameters].
+    blur: [f64; 2],
+    /// How far beyond the cell it is accepted [parameters].
+    border: [f64; 2],
+    /// ‖M E‖.
+    contraction: f64,
+    /// The same for τ: how much E may change it over the cell.
+    tau_slope: f64,
 }
 
 /// A ray, and what is known of its start.
@@ -60,7 +72,17 @@ struct Query<'r> {
     t_min: f64,
     t_max: f64,
     /// Where on the surface the ray starts, if it does and the leaf is near.
-    start: Option<[f64; 2]>,
+    start: Option<Start>,
+}
+
+/// A start on the surface.
+#[derive(Clone, Copy)]
+struct Start {
+    /// (s, t).
+    p: [f64; 2],
+    /// The parameter (0: s, 1: t) that may be changed without leaving the point, if there is one: the
+    /// start is a pole.
+    idle: Option<usize>,
 }
 
 impl Parametric {
@@ -99,8 +121,11 @@ impl Parametric {
             // Far from the start nothing special happens. Near it the ray starts exactly on the
             // surface: the caller's point may be off by more than our rounding.
             if patch.bounds.grown(NEAR_START * self.size).contains(&ray.origin) {
-                moved.origin = self.position(s, t);
-                start = Some([s, t]);
+                let (x, xs, xt) = self.evaluator.jet1(s, t);
+                moved.origin = x;
+                let still = |v: &Vector3| v.norm() <= 16.0 * f64::EPSILON * self.size;
+                let idle = if still(&xs) { Some(0) } else { still(&xt).then_some(1) };
+                start = Some(Start { p: [s, t], idle });
             }
         }
         let query = Query {
@@ -113,9 +138,7 @@ impl Parametric {
         };
         match query.verdict(patch) {
             Verdict::Miss => None,
-            Verdict::One { guess, border, contraction } => {
-                query.single(self, patch, guess, border, contraction)
-            }
+            Verdict::One(certificate) => query.single(self, patch, &certificate),
             Verdict::Open => query.divided(self, patch),
         }
     }
@@ -138,7 +161,7 @@ impl Parametric {
             if !residual.is_finite() {
                 return None;
             }
-            if best.is_some_and(|(old, ..)| residual >= old) && residual <= 1e-12 * self.size {
+            if best.is_some_and(|(old, ..)| residual >= old) && residual <= RESIDUAL * self.size {
                 break;
             }
             if best.is_none_or(|(old, ..)| residual < old) {
@@ -149,7 +172,7 @@ impl Parametric {
             let scale = (0.25 / ds.abs().max(dt.abs())).min(1.0);
             (s, t) = (s + scale * ds, t + scale * dt);
         }
-        best.filter(|(residual, ..)| *residual <= 1e-12 * self.size)
+        best.filter(|(residual, ..)| *residual <= RESIDUAL * self.size)
             .map(|(_, along, s, t)| (along, s, t))
     }
 
@@ -179,14 +202,19 @@ impl Parametric {
 fn meets(b: &Aabb, origin: &Point3, inverse: &Vector3, t_min: f64, t_max: f64) -> bool {
     let (mut near, mut far) = (t_min, t_max);
     for i in 0..3 {
+        if inverse[i].is_infinite() {
+            if origin[i] < b.min[i] || origin[i] > b.max[i] {
+                return false;
+            }
+            continue;
+        }
         let a = (b.min[i] - origin[i]) * inverse[i];
         let c = (b.max[i] - origin[i]) * inverse[i];
-        // NaN (a start on the slab of a parallel ray) does not cut.
         let (lo, hi) = if a <= c { (a, c) } else { (c, a) };
         near = if lo > near { lo } else { near };
         far = if hi < far { hi } else { far };
     }
-    near <= far + 4.0 * f64::EPSILON * far.abs().max(near.abs())
+    near <= far + 4.0 * f64::EPSILON * far.abs()
 }
 
 /// The step ((ds, dt), dτ) that takes the residual `r` = ray − surface to zero to first order.
@@ -220,32 +248,39 @@ impl Query<'_> {
         let inverse = 1.0 / n.dot(w);
         let shift = -n.dot(&r) * inverse;
         let noise = self.noise(patch);
-        let blur = patch.remainder.add_scalar(noise);
         // τ = τ0 + n·r/(n·w).
-        let (t0, dt) = (along + shift, n.abs().dot(&blur) * inverse.abs());
+        let sag = patch.deviation(n);
+        let tau_blur = noise * n.abs().sum() * inverse.abs();
+        let dt = sag.remainder * inverse.abs() + tau_blur;
+        let t0 = along + shift;
         if t0 + dt < self.t_min || t0 - dt > self.t_max {
             return Verdict::Miss;
         }
         let p = r + w * shift;
-        let e =
-            patch.first_error[0] * patch.cell.half[0] + patch.first_error[1] * patch.cell.half[1];
-        let (mut guess, mut border) = ([0.0; 2], [0.0; 2]);
+        let [mut guess, mut blur, mut border] = [[0.0; 2]; 3];
         let (mut contraction, mut certain) = (0f64, true);
         for k in 0..2 {
             let g = &patch.dual[k];
             let h = patch.cell.half[k];
-            let row = (g - n * (g.dot(w) * inverse)).abs();
+            let row = g - n * (g.dot(w) * inverse);
+            let bound = patch.deviation(&row);
+            blur[k] = noise * row.abs().sum();
             guess[k] = g.dot(&p);
-            // Its own rounding error, twice.
-            border[k] = BORDER.max(2.0 * noise * row.sum());
-            if guess[k].abs() > h + border[k] + row.dot(&blur) {
+            // Its own rounding error, twice; never beyond what the bounds cover.
+            border[k] = BORDER.min(OVERLAP * h).max(2.0 * blur[k]);
+            if guess[k].abs() > h + border[k] + bound.remainder + blur[k] {
                 return Verdict::Miss;
             }
-            contraction = contraction.max(row.dot(&e) / h);
+            contraction = contraction.max(bound.slope / h);
             // Written so that NaN is not certain.
-            certain &= border[k] <= OVERLAP * h && row.dot(&e) < 0.5 * h;
+            certain &= border[k] <= OVERLAP * h && bound.slope < 0.5 * h;
         }
-        if certain { Verdict::One { guess, border, contraction } } else { Verdict::Open }
+        if certain {
+            let tau_slope = sag.slope * inverse.abs();
+            Verdict::One(Certificate { guess, blur, border, contraction, tau_slope })
+        } else {
+            Verdict::Open
+        }
     }
 
     /// The only root of a patch, if it is there, in range, and not the start.
@@ -253,14 +288,12 @@ impl Query<'_> {
         &self,
         surface: &Parametric,
         patch: &Patch,
-        guess: [f64; 2],
-        border: [f64; 2],
-        contraction: f64,
+        certificate: &Certificate,
     ) -> Option<(f64, f64, f64)> {
-        if self.start.is_some_and(|start| patch.cell.contains(start, 1.0 + OVERLAP)) {
+        if self.start.is_some_and(|start| patch.cell.contains(start.p, 1.0 + OVERLAP)) {
             return None; // the one root is the start
         }
-        let (tau, [s, t], row) = self.newton(surface, patch, guess, border, contraction)?;
+        let (tau, [s, t], row) = self.newton(surface, patch, certificate)?;
         if !(tau > self.t_min && tau <= self.t_max) {
             return None;
         }
@@ -280,10 +313,9 @@ impl Query<'_> {
         &self,
         surface: &Parametric,
         patch: &Patch,
-        guess: [f64; 2],
-        border: [f64; 2],
-        contraction: f64,
+        certificate: &Certificate,
     ) -> Option<(f64, [f64; 2], f64)> {
+        let Certificate { guess, blur, border, contraction, tau_slope } = *certificate;
         let (o, w) = (&self.ray.origin, &self.ray.direction);
         let (c, h) = (patch.cell.centre, patch.cell.half);
         let j = &patch.jet;
@@ -315,9 +347,15 @@ impl Query<'_> {
             let size = (step[0].abs() / h[0]).max(step[1].abs() / h[1]);
             let inside = (0..2).all(|k| (p[k] + step[k] - c[k]).abs() <= h[k] + border[k]);
             // Quadratic convergence: the next error is below the contraction times the square of this
-            // step. 10⁻¹⁵ of a cell is nothing; nor is half the rounding error.
-            let last = (newton && contraction * size * size <= 1e-15)
-                || (0..2).all(|k| 2.0 * step[k].abs() <= border[k]);
+            // step, and that of τ below its slope times the same. 10⁻¹⁵ of a cell or of τ is nothing, and little
+            // is gained below the bound of the rounding error: a few steps are tried, for the error
+            // itself is mostly smaller.
+            let next = size * size;
+            let rounded = count >= 4 && (0..2).all(|k| step[k].abs() <= blur[k]);
+            let last = (newton
+                && (contraction * next <= 1e-15 || rounded)
+                && tau_slope * next <= 1e-15 * (along.abs() + tau_slope))
+                || (!newton && rounded);
             if last || !inside {
                 if last && inside {
                     let at = |k: usize| {
@@ -345,6 +383,38 @@ impl Query<'_> {
         None
     }
 
+    /// Whether the patch touches the pole from which the ray starts, and provably holds no other root:
+    /// if x does not change with s at t = t0, then x − start = (t − t0) ξ with ξ among the values of
+    /// x_t over the patch, and the ray has to run through their box.
+    fn departs(&self, surface: &Parametric, patch: &Patch) -> bool {
+        let Some(Start { p, idle: Some(idle) }) = self.start else { return false };
+        let k = 1 - idle;
+        let (c, h) = (&patch.cell.centre, &patch.cell.half);
+        // On which side of the pole the patch lies; it must not lie on both.
+        let side = c[k] - p[k];
+        if side.abs() > h[k] * (1.0 + OVERLAP) || side.abs() < h[k] * (1.0 - OVERLAP) {
+            return false;
+        }
+        // The pole must be one all along the patch: the same point at both ends and in the middle.
+        let one_point = [-1.0, 0.0, 1.0].iter().all(|a| {
+            let mut q = p;
+            q[idle] = c[idle] + a * h[idle];
+            (surface.position(q[0], q[1]) - self.ray.origin).norm() <= 2.0 * self.noise(patch)
+        });
+        let velocity = if k == 0 { patch.jet.xu } else { patch.jet.xv };
+        let (middle, error) = (velocity * side.signum(), patch.velocity_error(k));
+        // A slab test: origin 0, direction w, box middle ± error.
+        let (mut near, mut far) = (0f64, f64::INFINITY);
+        for i in 0..3 {
+            let (w, e) = (self.ray.direction[i], error[i]);
+            let (a, b) = ((middle[i] - e) / w, (middle[i] + e) / w);
+            // NaN cuts nothing.
+            near = if a.min(b) > near { a.min(b) } else { near };
+            far = if a.max(b) < far { a.max(b) } else { far };
+        }
+        one_point && near > far * (1.0 + 8.0 * f64::EPSILON)
+    }
+
     /// Splits until every part is decided.
     #[cold]
     fn divided(&self, surface: &Parametric, whole: &Patch) -> Option<(f64, f64, f64)> {
@@ -354,17 +424,23 @@ impl Query<'_> {
         let mut waiting = ArrayVec::<Patch, 128>::new();
         waiting.push(whole.clone());
         let mut query = Query { ..*self };
+        let inverse = self.ray.direction.map(|d| 1.0 / d);
         let mut parts = 0;
         while let Some(patch) = waiting.pop() {
             parts += 1;
             query.t_max = nearest.map_or(self.t_max, |(tau, ..)| tau);
+            // Where derivatives are not bounded the box still is.
+            if patch.has_kink()
+                && !meets(&patch.bounds, &self.ray.origin, &inverse, 0.0, query.t_max)
+            {
+                continue;
+            }
             let found = match query.verdict(&patch) {
                 Verdict::Miss => None,
-                Verdict::One { guess, border, contraction } => {
-                    query.single(surface, &patch, guess, border, contraction)
-                }
+                Verdict::One(certificate) => query.single(surface, &patch, &certificate),
+                Verdict::Open if query.departs(surface, &patch) => None,
                 Verdict::Open => {
-                    let flat = patch.remainder.amax() <= query.noise(&patch);
+                    let flat = patch.is_flat(query.noise(&patch));
                     if flat || parts > MAX_PARTS || waiting.remaining_capacity() < 2 {
                         query.at_rounding(surface, &patch)
                     } else {
@@ -387,34 +463,45 @@ impl Query<'_> {
         if let Some(start) = self.start {
             let x = self.ray.origin;
             if (patch.jet.x - x).norm() <= NEAR_START * surface.size + extent {
-                return self.second_root(surface, patch, start);
+                return self.second_root(surface, patch, start.p);
             }
         }
-        if extent > NEAR_START * surface.size {
+        let slope = patch.normal.dot(&self.ray.direction)
+            / (patch.normal.norm() * self.ray.direction.norm());
+        if extent > NEAR_START * surface.size && slope.abs() * extent <= 8.0 * self.noise(patch) {
             return None; // a plane, and the ray in it or parallel to it
         }
-        // The point of the patch nearest to the ray: least squares in the cell, by turns.
+        // The point of the patch nearest to the ray: least squares, then by turns to stay in the cell.
+        // That closes in slowly along a common direction of both, but there any point will do.
         let w = &self.ray.direction;
         let across = |v: Vector3| v - w * (v.dot(w) * self.inverse_square);
-        let to = patch.jet.x - self.ray.origin;
-        let (u, v, r) = (across(patch.jet.xu), across(patch.jet.xv), across(to));
-        let h = patch.cell.half;
-        let solve = |u: &Vector3, r: Vector3, h: f64| {
-            let a = -u.dot(&r) / u.norm_squared();
-            if a.is_finite() { a.clamp(-h, h) } else { 0.0 }
-        };
-        let (mut a, mut b) = (0.0, 0.0);
-        // By turns it closes in slowly along a common direction of u and v, but there any point will
-        // do.
-        for _ in 0..8 {
-            a = solve(&u, r + v * b, h[0]);
-            b = solve(&v, r + u * a, h[1]);
+        let (c, h) = (patch.cell.centre, patch.cell.half);
+        let mut p = c;
+        for _ in 0..4 {
+            let (x, xs, xt) = surface.evaluator.jet1(p[0], p[1]);
+            let (r, v) = (across(x - self.ray.origin), [across(xs), across(xt)]);
+            let (e, f, g) = (v[0].norm_squared(), v[0].dot(&v[1]), v[1].norm_squared());
+            let (a, b) = (v[0].dot(&r), v[1].dot(&r));
+            let det = e * g - f * f;
+            let mut d = [(f * b - g * a) / det, (f * a - e * b) / det];
+            for k in 0..2 {
+                let q = (p[k] + d[k] - c[k]).clamp(-h[k], h[k]) + c[k] - p[k];
+                d[k] = if q.is_finite() { q } else { 0.0 };
+            }
+            for k in [0, 1, 0, 1] {
+                let rest = r + v[1 - k] * d[1 - k];
+                let step = -v[k].dot(&rest) / v[k].norm_squared();
+                if step.is_finite() {
+                    d[k] = (p[k] + step - c[k]).clamp(-h[k], h[k]) + c[k] - p[k];
+                }
+            }
+            p = [p[0] + d[0], p[1] + d[1]];
         }
-        let (s, t) = (patch.cell.centre[0] + a, patch.cell.centre[1] + b);
+        let [s, t] = p;
         let x = surface.position(s, t);
         let tau = (x - self.ray.origin).dot(w) * self.inverse_square;
         let distance = (self.ray.at(tau) - x).norm();
-        let near = distance <= 4.0 * (self.noise(patch) + patch.remainder.norm());
+        let near = distance <= RESIDUAL * surface.size;
         (near && tau > self.t_min && tau <= self.t_max).then_some((tau, s, t))
     }
 
@@ -429,6 +516,9 @@ impl Query<'_> {
         start: [f64; 2],
     ) -> Option<(f64, f64, f64)> {
         let j = surface.jet(start[0], start[1]);
+        if !surface.is_regular(&j) {
+            return None; // at a pole there are no directions of parameters
+        }
         let w = &self.ray.direction;
         let n = j.area_vector();
         let squared = n.norm_squared();
@@ -446,7 +536,12 @@ impl Query<'_> {
         let [s, t] =
             std::array::from_fn(|k| start[k] + d[k] * tau - 0.5 * dual[k].dot(&bend) * tau * tau);
         // A share of the step is as uncertain as the expansion; the neighbour takes what falls there.
-        let slack = 1.0 + OVERLAP;
-        patch.cell.contains([s, t], slack).then_some((tau, s.clamp(0.0, 1.0), t.clamp(0.0, 1.0)))
+        if !patch.cell.contains([s, t], 1.0 + OVERLAP) {
+            return None;
+        }
+        let (s, t) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
+        // The expansion's third order, and what it is worth: nothing where the surface has a kink.
+        let off = (surface.position(s, t) - self.ray.at(tau)).norm();
+        (off <= RESIDUAL * surface.size).then_some((tau, s, t))
     }
 }

@@ -1,7 +1,7 @@
 //! The pieces into which a surface is cut before any ray comes, and the tree of boxes over them.
 
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, VecDeque};
 
 use super::evaluate::Evaluator;
 use super::patch::{Cell, Patch};
@@ -17,7 +17,7 @@ const MAX_LEAVES: usize = 32_768;
 
 /// Most cells looked at to prove that positions are finite. Formulas that are finite everywhere need
 /// one or a few; those that touch the border of a domain are never proved there and end as samples.
-const MAX_FINITE_CELLS: usize = 20_000;
+const MAX_FINITE_CELLS: usize = 4_096;
 
 /// Leaves and a tree over them.
 #[derive(Clone, Debug)]
@@ -76,8 +76,12 @@ impl Leaves {
             undecided = cost(p);
             area = p.area();
         }
-        while leaf_count < MAX_LEAVES && (undecided > UNDECIDED_SHARE * area || !area.is_finite()) {
-            let Some(Waiting { node, .. }) = build.heap.pop() else { break };
+        while leaf_count < MAX_LEAVES {
+            let Some(Waiting { cost: worst, node }) = build.heap.pop() else { break };
+            let enough = worst < f64::MAX && undecided <= UNDECIDED_SHARE * area;
+            if enough {
+                break;
+            }
             let parent = &build.nodes[node].0;
             if is_point(parent) {
                 continue; // stays undecided, and in the sum
@@ -125,10 +129,10 @@ impl Leaves {
     }
 }
 
-/// Area times the share of undecided rays; areas that are not finite come first.
+/// Area times the share of undecided rays; what is not bounded comes first.
 fn cost(p: &Patch) -> f64 {
     let cost = p.area() * p.undecided_share();
-    if cost.is_finite() { cost } else { f64::MAX }
+    if cost.is_finite() && p.is_bounded() { cost } else { f64::MAX }
 }
 
 /// Whether a piece is too small to be worth splitting beforehand: less than a millionth of its reach,
@@ -171,7 +175,7 @@ impl Build {
                 nodes[i].bounds = nodes[a as usize].bounds.union(&nodes[b as usize].bounds);
             }
         }
-        if let Some(p) = patches.iter().find(|p| !is_bounded(&p.bounds)) {
+        if let Some(p) = patches.iter().find(|p| !p.is_bounded()) {
             let [s, t] = p.cell.centre;
             return Err(SurfaceError::Unbounded { s, t });
         }
@@ -179,31 +183,42 @@ impl Build {
     }
 }
 
-fn is_bounded(b: &Aabb) -> bool {
-    b.min.iter().chain(b.max.iter()).all(|x| x.is_finite())
-}
-
-/// Whether positions are finite all over the domain: by intervals, and where these cannot decide, by
-/// samples.
+/// Whether positions are finite all over the domain: by intervals, and where these cannot decide (at
+/// the border of a function's domain), by samples.
 fn check_finite(evaluator: &Evaluator) -> Result<(), SurfaceError> {
     // Breadth first, so that the budget is spent evenly.
-    let mut cells = std::collections::VecDeque::from([(Cell::DOMAIN, 0)]);
+    let mut cells = VecDeque::from([Cell::DOMAIN]);
     let mut seen = 0;
-    while let Some((cell, depth)) = cells.pop_front() {
+    while let Some(cell) = cells.pop_front() {
         seen += 1;
         if evaluator.is_finite_on(cell.intervals()) {
             continue;
         }
+        let [s, t] = cell.centre;
         for i in 0..9 {
-            let s = cell.centre[0] + cell.half[0] * f64::from(i % 3 - 1);
-            let t = cell.centre[1] + cell.half[1] * f64::from(i / 3 - 1);
+            let s = s + cell.half[0] * f64::from(i % 3 - 1);
+            let t = t + cell.half[1] * f64::from(i / 3 - 1);
             let x = evaluator.position(s, t);
             if x.iter().any(|x| !x.is_finite()) {
                 return Err(SurfaceError::Undefined { s, t, x: x.coords.into() });
             }
         }
-        if seen + cells.len() < MAX_FINITE_CELLS {
-            cells.extend(cell.split(depth % 2).map(|c| (c, depth + 1)));
+        // Halves across the parameter that helps more; of equals, across the longer side. Trouble along
+        // a side or a line of constant s or t is boxed in by one small cell a halving.
+        let proved = |axis: usize| {
+            cell.split(axis).iter().filter(|c| evaluator.is_finite_on(c.intervals())).count()
+        };
+        let axis = match proved(0).cmp(&proved(1)) {
+            Ordering::Greater => 0,
+            Ordering::Less => 1,
+            Ordering::Equal => usize::from(cell.half[1] > cell.half[0]),
+        };
+        // Halved further the ends of a cell are no longer different numbers.
+        let divisible = cell.half[axis] > 4.0 * f64::EPSILON;
+        if divisible && seen + cells.len() < MAX_FINITE_CELLS {
+            cells.extend(cell.split(axis));
+        } else if evaluator.position_box(cell.intervals()).iter().any(|x| !x.is_bounded()) {
+            return Err(SurfaceError::Unbounded { s, t });
         }
     }
     Ok(())

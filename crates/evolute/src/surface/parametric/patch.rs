@@ -71,7 +71,16 @@ impl Cell {
 /// this are left to smaller pieces.
 pub(super) const OVERLAP: f64 = 1.0 / 64.0;
 
-/// The surface over a cell: `x(c + d) = x + x_s d_s + x_t d_t + r`, with bounds per coordinate.
+/// Generations of parts that share one bound of second derivatives: evaluating it costs some five times
+/// the rest of a part, and after four halvings little is left to gain by sharing.
+const INHERITED: u8 = 4;
+
+/// The surface over a cell: `x(c + d) = x + x_s d_s + x_t d_t + r`, with bounds of r and of its
+/// derivatives in any direction.
+///
+/// The second derivatives are kept as their values at the centre and the deviation from these: in the
+/// direction of the normal they are much smaller than along the surface (near a pole by orders of
+/// magnitude), and a box of magnitudes would forget that.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
     pub cell: Cell,
@@ -81,33 +90,46 @@ pub(super) struct Patch {
     pub normal: Vector3,
     /// Dual basis of (x_s, x_t) in the tangent plane; not finite where that is singular.
     pub dual: [Vector3; 2],
-    /// |x_ss|, |x_st|, |x_tt| on the widened cell are at most this.
-    pub second: [Vector3; 3],
-    /// |∂x − ∂x(centre)| on the widened cell is at most this, for ∂ = ∂/∂s, ∂/∂t.
-    pub first_error: [Vector3; 2],
-    /// |r| on the widened cell is at most this.
-    pub remainder: Vector3,
+    /// Bounds of |x_ss − x_ss(c)|, |x_st − …|, |x_tt − …| on the widened cell.
+    second_error: [Vector3; 3],
+    /// Where these are not finite (at kinks): bounds of |x_s − x_s(c)|, |x_t − x_t(c)| there.
+    first_error: Option<[Vector3; 2]>,
+    /// For how many generations `second_error` has been taken over from the whole.
+    inherited: u8,
     /// Rounding error of computed positions [m].
     pub noise: f64,
     pub bounds: Aabb,
 }
 
-fn magnitudes(b: &[Interval; 3]) -> Vector3 {
-    // An empty interval says that there is nothing to bound; unbounded is the safe reading.
-    Vector3::from_fn(|i, _| if b[i].is_empty() { f64::INFINITY } else { b[i].magnitude() })
+/// Bounds over a (widened) patch in one direction `row`.
+#[derive(Clone, Copy)]
+pub(super) struct Deviation {
+    /// |row · r|.
+    pub remainder: f64,
+    /// |row · (x_s − x_s(c))| times the half width along s, plus the same for t.
+    pub slope: f64,
 }
 
 fn deviation(b: &[Interval; 3], centre: &Vector3) -> Vector3 {
-    magnitudes(&std::array::from_fn(|i| b[i] - Interval::point(centre[i])))
+    Vector3::from_fn(|i, _| {
+        let d = b[i] - Interval::point(centre[i]);
+        // An empty interval says that there is nothing to bound; unbounded is the safe reading.
+        if d.is_empty() { f64::INFINITY } else { d.magnitude() }
+    })
+}
+
+fn is_finite(v: &[Vector3]) -> bool {
+    v.iter().flatten().all(|x| x.is_finite())
 }
 
 impl Patch {
     /// The patch over a cell, bounded by second-order interval jets.
     pub fn new(evaluator: &Evaluator, cell: Cell) -> Self {
-        let wide = cell.widened();
         let jet = evaluator.jet(cell.centre[0], cell.centre[1]);
-        let b = evaluator.jet_box(wide);
-        let second = [magnitudes(&b.xss), magnitudes(&b.xst), magnitudes(&b.xtt)];
+        let b = evaluator.jet_box(cell.widened());
+        let second =
+            [deviation(&b.xss, &jet.xuu), deviation(&b.xst, &jet.xuv), deviation(&b.xtt, &jet.xvv)];
+        let first = [deviation(&b.xs, &jet.xu), deviation(&b.xt, &jet.xv)];
         let point = Cell { centre: cell.centre, half: [0.0; 2] };
         // The width of an interval evaluation at one point is a bound of its rounding error.
         let noise = evaluator
@@ -115,8 +137,10 @@ impl Patch {
             .iter()
             .map(Interval::width)
             .fold(0.0, f64::max);
-        let first = [deviation(&b.xs, &jet.xu), deviation(&b.xt, &jet.xv)];
-        let mut patch = Self::assembled(cell, jet, second, Some(first), noise);
+        let mut patch = Self::assembled(cell, jet, second, noise);
+        if !is_finite(&second) {
+            patch.first_error = Some(first);
+        }
         let (lo, hi) = patch.taylor_box();
         // Both enclose the surface, and so does what they have in common.
         patch.bounds = Aabb {
@@ -129,81 +153,150 @@ impl Patch {
         patch
     }
 
-    /// A part of this patch: second derivatives are still bounded as in the whole, unless they are not
-    /// bounded there.
+    /// A part of this patch: its second derivatives are still bounded as in the whole, which saves most
+    /// of the work; but not for long, for near a pole they shrink with the cell. Its box is left empty.
     pub fn part(&self, evaluator: &Evaluator, cell: Cell) -> Self {
-        if self.second.iter().any(|m| m.iter().any(|x| !x.is_finite())) {
+        if self.inherited >= INHERITED || self.first_error.is_some() {
             return Self::new(evaluator, cell);
         }
         let jet = evaluator.jet(cell.centre[0], cell.centre[1]);
-        let mut patch = Self::assembled(cell, jet, self.second, None, self.noise);
-        let (lo, hi) = patch.taylor_box();
-        patch.bounds = Aabb { min: Point3::from(lo), max: Point3::from(hi) };
-        patch
+        let [ss, st, tt] = self.second_error;
+        let second = [
+            ss + (self.jet.xuu - jet.xuu).abs(),
+            st + (self.jet.xuv - jet.xuv).abs(),
+            tt + (self.jet.xvv - jet.xvv).abs(),
+        ];
+        let inherited = self.inherited + 1;
+        Self { inherited, ..Self::assembled(cell, jet, second, self.noise) }
     }
 
-    fn assembled(
-        cell: Cell,
-        jet: Jet,
-        second: [Vector3; 3],
-        first: Option<[Vector3; 2]>,
-        noise: f64,
-    ) -> Self {
-        let [hs, ht] = cell.half.map(|h| h * (1.0 + OVERLAP));
-        let mut first_error = [second[0] * hs + second[1] * ht, second[1] * hs + second[2] * ht];
-        // By second derivatives: ½ x_ss ds² + x_st ds dt + ½ x_tt dt².
-        let mut remainder = (first_error[0] * hs + first_error[1] * ht) * 0.5;
-        if let Some(first) = first {
-            // By first derivatives (the mean value theorem): what is left at kinks.
-            for k in 0..2 {
-                first_error[k] = first_error[k].inf(&first[k]);
-            }
-            remainder = remainder.inf(&(first_error[0] * hs + first_error[1] * ht));
-        }
+    fn assembled(cell: Cell, jet: Jet, second_error: [Vector3; 3], noise: f64) -> Self {
         let normal = jet.area_vector();
         let squared = normal.norm_squared();
         let dual = [jet.xv.cross(&normal) / squared, normal.cross(&jet.xu) / squared];
         let bounds = Aabb::EMPTY;
-        Self { cell, jet, normal, dual, second, first_error, remainder, noise, bounds }
+        Self {
+            cell,
+            jet,
+            normal,
+            dual,
+            second_error,
+            first_error: None,
+            inherited: 0,
+            noise,
+            bounds,
+        }
+    }
+
+    /// Bounds in the direction `row` [units of row times m].
+    #[inline]
+    pub fn deviation(&self, row: &Vector3) -> Deviation {
+        let [hs, ht] = self.cell.half.map(|h| h * (1.0 + OVERLAP));
+        let size = row.abs();
+        if let Some([s, t]) = &self.first_error {
+            // The mean value theorem.
+            let slope = size.dot(s) * hs + size.dot(t) * ht;
+            return Deviation { remainder: slope, slope };
+        }
+        let [ss, st, tt] = &self.second_error;
+        let ss = row.dot(&self.jet.xuu).abs() + size.dot(ss);
+        let st = row.dot(&self.jet.xuv).abs() + size.dot(st);
+        let tt = row.dot(&self.jet.xvv).abs() + size.dot(tt);
+        // Taylor's formula: ½ x_ss ds² + x_st ds dt + ½ x_tt dt².
+        let slope = (ss * hs + st * ht) * hs + (st * hs + tt * ht) * ht;
+        Deviation { remainder: 0.5 * slope, slope }
+    }
+
+    /// Bounds of |x_s − x_s(c)| (`axis` 0) or |x_t − x_t(c)| (1), by coordinate.
+    pub fn velocity_error(&self, axis: usize) -> Vector3 {
+        if let Some(first) = &self.first_error {
+            return first[axis];
+        }
+        let [hs, ht] = self.cell.half.map(|h| h * (1.0 + OVERLAP));
+        let [ss, st, tt] = &self.second_error;
+        let (j, mixed) = (&self.jet, st + self.jet.xuv.abs());
+        if axis == 0 {
+            (ss + j.xuu.abs()) * hs + mixed * ht
+        } else {
+            mixed * hs + (tt + j.xvv.abs()) * ht
+        }
+    }
+
+    /// Bounds of the remainder by coordinate.
+    fn remainder(&self) -> Vector3 {
+        Vector3::from_fn(|i, _| self.deviation(&Vector3::ith(i, 1.0)).remainder)
     }
 
     /// Least and greatest coordinates by the expansion at the centre.
     fn taylor_box(&self) -> (Vector3, Vector3) {
         let [hs, ht] = self.cell.half;
         // A few roundings of numbers up to the reach, beside those of the formulas.
-        let reach = self.jet.x.coords.abs() + self.remainder;
+        let remainder = self.remainder();
+        let reach = self.jet.x.coords.abs() + remainder;
         let half = self.jet.xu.abs() * hs
             + self.jet.xv.abs() * ht
-            + self.remainder
+            + remainder
             + (reach * (8.0 * f64::EPSILON)).add_scalar(2.0 * self.noise);
         (self.jet.x.coords - half, self.jet.x.coords + half)
     }
 
+    /// Whether derivatives jump, or are not bounded, somewhere in the patch; then its box is at hand.
+    pub fn has_kink(&self) -> bool {
+        self.first_error.is_some()
+    }
+
+    /// Whether splitting has nothing more to give where positions are known to `noise` [m]: the patch
+    /// is plane to that accuracy in all directions, or it is so along its normal and its parameters
+    /// are regular, so that only a tangent ray can be undecided.
+    pub fn is_flat(&self, noise: f64) -> bool {
+        if self.remainder().amax() <= noise || (self.has_kink() && self.bounds.diagonal() <= noise)
+        {
+            return true;
+        }
+        let regular = (0..2).all(|k| self.deviation(&self.dual[k]).slope < 0.5 * self.cell.half[k]);
+        let n = self.normal / self.normal.norm();
+        regular && self.deviation(&n).remainder <= noise
+    }
+
     /// Across which parameter to split: the physically longer side if it is much longer (near a pole,
-    /// where one direction shrinks to nothing), else where the surface bends more.
+    /// where one direction shrinks to nothing), else where the surface bends more; at a kink, the
+    /// parameter across it.
     pub fn split_axis(&self) -> usize {
-        let [hs, ht] = self.cell.half;
-        let length = [
-            (self.jet.xu.norm() + self.first_error[0].norm().min(f64::MAX)) * hs,
-            (self.jet.xv.norm() + self.first_error[1].norm().min(f64::MAX)) * ht,
-        ];
+        let h = self.cell.half;
+        if let Some(first) = &self.first_error {
+            let jump = [0, 1].map(|k: usize| first[k].norm() * h[k]);
+            if jump[0] != jump[1] {
+                return usize::from(jump[1] > jump[0]);
+            }
+        }
+        let [ls, lt] = [(0, self.jet.xu), (1, self.jet.xv)]
+            .map(|(k, v)| (v.norm() + self.velocity_error(k).norm().min(f64::MAX)) * h[k]);
         // More than four to one is called much longer: bends may make cells that slender, not more.
-        if length[0] > 4.0 * length[1] {
+        if ls > 4.0 * lt {
             return 0;
         }
-        if length[1] > 4.0 * length[0] {
+        if lt > 4.0 * ls {
             return 1;
         }
-        let bend = [self.second[0].norm() * hs * hs, self.second[2].norm() * ht * ht];
+        let [ss, _, tt] = &self.second_error;
+        let bend = [
+            (self.jet.xuu.norm() + ss.norm()) * h[0] * h[0],
+            (self.jet.xvv.norm() + tt.norm()) * h[1] * h[1],
+        ];
         let unlike = bend.iter().all(|b| b.is_finite()) && bend[0] != bend[1];
-        let [a, b] = if unlike { bend } else { length };
+        let [a, b] = if unlike { bend } else { [ls, lt] };
         usize::from(b > a)
     }
 
     /// Physical half extents, summed [m].
     pub fn extent(&self) -> f64 {
         let [hs, ht] = self.cell.half;
-        self.jet.xu.norm() * hs + self.jet.xv.norm() * ht + self.remainder.norm()
+        self.jet.xu.norm() * hs + self.jet.xv.norm() * ht + self.remainder().norm()
+    }
+
+    /// Whether the box is bounded.
+    pub fn is_bounded(&self) -> bool {
+        self.bounds.min.iter().chain(self.bounds.max.iter()).all(|x| x.is_finite())
     }
 
     /// Area over the cell as seen from its centre [m²].
@@ -215,13 +308,14 @@ impl Patch {
     /// it from random directions (their cosines c are distributed as 2c dc).
     pub fn undecided_share(&self) -> f64 {
         let Some(n) = self.normal.try_normalize(0.0) else { return 1.0 };
-        let n = n.abs();
-        let h = self.cell.half;
-        let e = self.first_error[0] * h[0] + self.first_error[1] * h[1];
-        // |A⁻¹|E row by row: tangentially, and through the slope times the normal part, which grows
+        // ‖M E‖ row by row: tangentially, and through the slope times the normal part, which grows
         // like 1/cos of the angle of incidence.
-        let tangential = (0..2).map(|k| self.dual[k].abs().dot(&e) / h[k]).fold(0.0, f64::max);
-        let normal = (0..2).map(|k| self.dual[k].norm() * n.dot(&e) / h[k]).fold(0.0, f64::max);
+        let sag = self.deviation(&n).slope;
+        let (mut tangential, mut normal) = (0f64, 0f64);
+        for k in 0..2 {
+            tangential = tangential.max(self.deviation(&self.dual[k]).slope / self.cell.half[k]);
+            normal = normal.max(self.dual[k].norm() * sag / self.cell.half[k]);
+        }
         let cosine = normal / (0.5 - tangential);
         // NaN and negative: nothing is decided.
         if (0.0..1.0).contains(&cosine) { cosine * cosine } else { 1.0 }
