@@ -325,10 +325,10 @@ impl<'l> Lattice<'l> {
             for lit in corner.iter().filter(|lit| lit.radiance().max() > small) {
                 for other in corners.iter().enumerate().filter(|(j, _)| *j != k).map(|o| o.1) {
                     match find(other, &lit.leaf) {
-                        None if block.level < PIXEL => {
-                            if !self.steady(at[k], block.size(), lit, STEADY * small) {
-                                return true;
-                            }
+                        None if block.level < PIXEL
+                            && !self.steady(at[k], block.size(), lit, STEADY * small) =>
+                        {
+                            return true;
                         }
                         Some(o) if distance(lit.radiance(), o.radiance()) > contrast => {
                             return true;
