@@ -12,11 +12,14 @@ pub struct SolidAngle {
     pub largest: f64,
 }
 
-/// Criterion 2: the normal does not vary too much over a cell.
+/// Criterion 2: the normal does not vary too much over a cell; nor, since a chain may meet other
+/// surfaces after the first, does the direction of its last leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NormalVariation {
     /// Least allowed cosine between two corners' normals.
     pub least_cosine: f64,
+    /// Least allowed cosine between two corners' last legs.
+    pub least_direction_cosine: f64,
 }
 
 /// Criterion 3: the ray trees of neighbouring samples hit the same or adjacent surfaces.
@@ -49,7 +52,10 @@ impl Default for Criteria {
             // A tenth of the hemisphere: cosine and distance vary by a small factor inside.
             solid_angle: Some(SolidAngle { largest: 0.6 }),
             // 35 degrees: the reflected direction turns by 70, beyond which four corners say little.
-            normal_variation: Some(NormalVariation { least_cosine: 0.82 }),
+            normal_variation: Some(NormalVariation {
+                least_cosine: 0.82,
+                least_direction_cosine: 0.3,
+            }),
             // One more look where something is seen at one corner and not at the next.
             matching_trees: Some(MatchingTrees { divisions: 2 }),
             quadrature: Some(QuadratureAccuracy),
@@ -69,10 +75,12 @@ impl SolidAngle {
 impl NormalVariation {
     /// Whether the corners' normals differ too much.
     pub fn divides(&self, corners: &[Option<&FieldSample>; 4]) -> bool {
-        let least = self.least_cosine;
         (0..4).any(|i| {
             (0..i).any(|j| match (corners[i], corners[j]) {
-                (Some(p), Some(q)) => p.normal.dot(&q.normal) < least,
+                (Some(p), Some(q)) => {
+                    p.normal.dot(&q.normal) < self.least_cosine
+                        || p.direction.dot(&q.direction) < self.least_direction_cosine
+                }
                 _ => false,
             })
         })

@@ -40,6 +40,8 @@ pub struct FieldSample {
     pub sight: Sight,
     /// Normal of the first surface.
     pub normal: Vector3,
+    /// Direction of the last leg.
+    pub direction: Vector3,
     /// Solid angle at the receiver per unit of (a, b) [sr].
     pub solid_angle: f64,
     /// What the last leg meets.
@@ -120,6 +122,7 @@ impl<'s> DirectField<'s> {
             weight: [weight; 3],
             sight,
             normal: first.n.v,
+            direction: first.d.v,
             solid_angle: first.solid_angle.v,
             next: Some(self.shape),
         })
@@ -144,6 +147,7 @@ pub fn sample_through(
         weight: departure.throughput.map(|t| w * t),
         sight: sight(departure, lamp, on_lamp),
         normal: departure.first_normal,
+        direction: departure.ray.d.v,
         solid_angle: departure.solid_angle,
         next: departure.next.map(|h| h.anchor.shape),
     })

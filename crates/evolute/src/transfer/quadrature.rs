@@ -39,6 +39,9 @@ const GRADIENT_SHARE: f64 = 0.25;
 /// A cell whose edges, shifted, sweep less than this share of the tolerance needs no closer look: a
 /// few dozen such cells are still well within it.
 const NEGLIGIBLE_SHIFT: f64 = 2e-3;
+/// Criteria 1 to 3 are not asked of a cell that, lit all over, would be worth less than this share of
+/// the tolerance: the error that its samples show is enough to go by.
+const MATTERS_SHARE: f64 = 0.02;
 /// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
 /// rays to the corners and the centre meets it.
 const HIDDEN_SHARE: f64 = 0.5;
@@ -310,6 +313,20 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             let most = centre.weight[0].v.abs() * area * radiance.luminance();
             return Estimate { integral: Rgb::BLACK, error: most, divide: level <= first };
         }
+        // Criteria 1 and 2 look at the corners alone, before a cell may be called dark: four corners
+        // far apart tell little.
+        let most = corners.iter().flatten().fold(0f64, |m, s| m.max(s.weight[0].v.abs()));
+        let matters = most * area * radiance.luminance() > MATTERS_SHARE * tolerance;
+        if level < LAST_LEVEL && matters {
+            let c = &self.criteria;
+            let coarse = level < first + 3;
+            let forced = coarse
+                && (c.solid_angle.is_some_and(|c| c.divides(&corners, area))
+                    || c.normal_variation.is_some_and(|c| c.divides(&corners)));
+            if forced {
+                return Estimate { integral: Rgb::BLACK, error: 0.0, divide: true };
+            }
+        }
         let edge_count = corners.iter().flatten().map(|c| c.edges.len()).min().unwrap_or(0);
         let mut edges: ArrayVec<Patch, MAX_FIELD_EDGES> = ArrayVec::new();
         for k in 0..edge_count {
@@ -321,16 +338,11 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             }
             edges.push(patch);
         }
-        // Criteria 1 to 3 look at the corners alone.
-        if level < LAST_LEVEL {
-            let c = &self.criteria;
-            let coarse = level < first + 3;
-            let forced = (coarse && c.solid_angle.is_some_and(|c| c.divides(&corners, area)))
-                || (coarse && c.normal_variation.is_some_and(|c| c.divides(&corners)))
-                || c.matching_trees.is_some_and(|c| c.divides(&corners, level - first));
-            if forced {
-                return Estimate { integral: Rgb::BLACK, error: 0.0, divide: true };
-            }
+        if matters
+            && level < LAST_LEVEL
+            && self.criteria.matching_trees.is_some_and(|c| c.divides(&corners, level - first))
+        {
+            return Estimate { integral: Rgb::BLACK, error: 0.0, divide: true };
         }
         let centre_number = self.sample(term, centre_at);
         let corners = numbers.map(|k| self.samples[k].as_ref());
@@ -409,15 +421,18 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let any_on = mid == Sight::On || sights.contains(&Sight::On);
         let whole = lum(integral).abs().max(error);
         let mut result = integral;
-        if !any_off && !any_on && whole > 0.0 {
+        if sights.iter().all(|s| *s == Sight::Off) && mid == Sight::Off {
+            return Estimate::DARK;
+        }
+        if !any_on && whole > 0.0 {
             // None of the five rays is lit; ask where the polynomials say that most light is.
             let (a, b) = brightest_point(&cuts);
             let to = |x: f64| (x * f64::from(side)) as u32;
             let asked = self.sample(term, at(to(a), to(b)));
             if on(self.samples[asked].as_ref()) == Sight::Off {
                 // Hidden, as far as one ray tells.
-                error = error.max(whole);
-                result = [0.0; 3];
+                let integral = Rgb::BLACK;
+                return Estimate { integral, error: error.max(whole), divide: false };
             }
         }
         if !any_off {
@@ -430,10 +445,6 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             }
         }
         if any_off {
-            if !any_on {
-                // Nothing seen at five points; what edges leave beyond them is not known.
-                return Estimate::DARK;
-            }
             let seen = |s: Sight| s != Sight::Off;
             let mut ask = |a: f64, b: f64| {
                 let to = |x: f64| (x * f64::from(side) + 0.5) as u32;

@@ -16,9 +16,10 @@ use crate::surface::Surface;
 /// Share of the tolerance that a word may be worth to be left out; what is left out is added to the
 /// error.
 const CUT_WORD_SHARE: f64 = 0.01;
-/// Words whose mean throughput falls below this share of the relative accuracy are left out: what is
-/// seen through them would have to be ten times brighter than all else to matter. The error takes
-/// them for as bright as the brightest word so far.
+/// Words whose mean throughput falls below this share of the relative accuracy wait until the error
+/// that they leave is the largest: what is seen through them would have to be ten times brighter than
+/// all else to matter. It may be: orders of reflection in a ball are not monotone, and the error
+/// takes the brightest lamp to fill the view.
 const CUT_THROUGHPUT_SHARE: f64 = 0.1;
 /// Below this throughput a coarse first grid does: what it could miss is worth as much less.
 const COARSE_THROUGHPUT: f64 = 0.1;
@@ -175,8 +176,7 @@ impl<'s> Transfer<'s> {
                 let small = bound < CUT_WORD_SHARE * tolerance(quadrature);
                 let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
                 if small || dim || left.followed >= MAX_WORDS {
-                    let likely = look.passed * left.seen(quadrature) * SAMPLED_BOUND_MARGIN;
-                    left.words.push(LeftWord { word, error: bound.min(likely), throughput });
+                    left.words.push(LeftWord { word, error: bound, throughput });
                     continue;
                 }
                 next.extend(self.add_word(quadrature, word, throughput, left, &tolerance));
@@ -212,7 +212,6 @@ impl<'s> Transfer<'s> {
     ) -> Vec<WordId> {
         left.followed += 1;
         let first = if throughput < COARSE_THROUGHPUT { COARSE_LEVEL } else { FIRST_LEVEL };
-        let before = quadrature.luminance();
         let look = look(&mut quadrature.words, word);
         if look.reaches {
             let allowed = tolerance(quadrature);
@@ -227,8 +226,6 @@ impl<'s> Transfer<'s> {
                 quadrature.words.departure(word, at);
             });
         }
-        left.brightest_seen =
-            left.brightest_seen.max((quadrature.luminance() - before) / look.passed);
         if quadrature.words.depth(word) < self.settings.max_specular {
             quadrature.words.continue_word(word)
         } else {
@@ -250,8 +247,6 @@ struct Left {
     words: Vec<LeftWord>,
     /// Worth of what can no longer be followed.
     lost: f64,
-    /// Highest mean radiance that a word has brought so far.
-    brightest_seen: f64,
     followed: usize,
 }
 
@@ -268,11 +263,6 @@ impl Left {
         let worst = self.worst();
         let at = self.words.iter().position(|w| w.error == worst)?;
         Some(self.words.remove(at))
-    }
-
-    /// The brightest that anything has been so far, as a mean radiance.
-    fn seen(&self, quadrature: &Quadrature<'_, '_>) -> f64 {
-        self.brightest_seen.max(quadrature.luminance() / std::f64::consts::PI)
     }
 }
 

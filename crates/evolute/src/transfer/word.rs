@@ -273,11 +273,9 @@ impl<'s> Words<'s> {
                 self.counts.rays += 1;
                 let ray = Ray::new(position, first.d.v);
                 let hit = self.tracer.nearest(&ray, f64::INFINITY, &self.contacts);
-                // The tracer's root and the domain's are the same point but for rounding.
-                let free = hit.is_some_and(|h| {
-                    h.anchor.shape == self.roots[root].shape
-                        && (h.t - first.distance).abs() <= 1e-8 * first.distance
-                });
+                // Nothing nearer than the point, whose own root the tracer finds at the same distance
+                // but for rounding, or misses on a border or at the limb.
+                let free = hit.is_none_or(|h| h.t >= first.distance * (1.0 - 1e-8));
                 (first, free)
             });
             self.roots[root].legs.insert(at.key(), leg);
