@@ -21,7 +21,8 @@ use crate::summary::Summary;
 /// Draws a scene: direct light and caustics, seen through mirrors and glass
 ///
 /// EXR holds radiance in W/(m² sr) as layers: R,G,B is the sum of direct (light that came to the last
-/// diffuse surface straight from lamps), specular (by mirrors and lenses) and emitted (lamps seen).
+/// diffuse surface straight from lamps), specular (by mirrors and lenses) and emitted (lamps seen);
+/// indirect is 0 in this version.
 /// Z is the length of the path to the first diffuse surface in m, N its normal, irradiance what it
 /// receives in W/m². PNG and Radiance .hdr hold the sum.
 #[derive(Args, Debug)]
@@ -204,7 +205,10 @@ fn attributes(scene: &str, common: &Common) -> ExrAttributes {
             "R,G,B and the layers direct, specular, emitted: radiance in {radiance}; irradiance: \
              {irradiance}; Z: m along the path; N: unit normal"
         ),
-        comments: format!("direct and specular light, relative accuracy {}", common.accuracy),
+        comments: format!(
+            "direct and specular light, relative accuracy {}; indirect is not computed",
+            common.accuracy
+        ),
     }
 }
 
@@ -216,6 +220,8 @@ fn raster(picture: &Picture, factor: f64) -> Raster {
     for (name, layer) in [
         ("direct", &picture.direct),
         ("specular", &picture.specular),
+        // Not computed yet; there, so that readers find every layer.
+        ("indirect", &vec![[0.0; 3]; picture.width * picture.height]),
         ("emitted", &picture.emitted),
         ("irradiance", &picture.irradiance),
     ] {

@@ -51,7 +51,8 @@ pub fn encode_exr(raster: &Raster, attributes: &ExrAttributes) -> Result<Vec<u8>
     image.attributes.display_window = IntegerBounds::from_dimensions(size);
     image.attributes.other.insert(Text::from("scene"), text_value(text(&attributes.scene)));
     let mut bytes = std::io::Cursor::new(Vec::new());
-    image.write().to_buffered(&mut bytes).map_err(failed)?;
+    // Threads would write the blocks of lines in the order in which they happen to be ready.
+    image.write().non_parallel().to_buffered(&mut bytes).map_err(failed)?;
     Ok(bytes.into_inner())
 }
 
@@ -66,11 +67,11 @@ mod tests {
     use exr::prelude::*;
 
     fn sample() -> (Raster, ExrAttributes) {
-        let mut raster = Raster::new(37, 21);
+        let mut raster = Raster::new(37, 321);
         let value = |i: usize, c: usize| (i * 3 + c) as f64 * 0.37 - 5.0;
-        raster.push_rgb("", (0..37 * 21).map(move |i| [value(i, 0), value(i, 1), value(i, 2)]));
-        raster.push_rgb("direct", (0..37 * 21).map(|i| [i as f64, 1e-30, 1e30]));
-        raster.push("Z", (0..37 * 21).map(|i| i as f32).collect());
+        raster.push_rgb("", (0..37 * 321).map(move |i| [value(i, 0), value(i, 1), value(i, 2)]));
+        raster.push_rgb("direct", (0..37 * 321).map(|i| [i as f64, 1e-30, 1e30]));
+        raster.push("Z", (0..37 * 321).map(|i| i as f32).collect());
         let attributes = ExrAttributes {
             scene: "room".into(),
             units: "W/(m^2 sr)".into(),
@@ -92,7 +93,7 @@ mod tests {
             .from_buffered(std::io::Cursor::new(bytes))
             .unwrap();
         let layer = &image.layer_data[0];
-        assert_eq!(layer.size, Vec2(37, 21));
+        assert_eq!(layer.size, Vec2(37, 321));
         assert_eq!(layer.channel_data.list.len(), raster.channels.len());
         for channel in &layer.channel_data.list {
             let expected = raster.channel(&channel.name.to_string()).unwrap();
