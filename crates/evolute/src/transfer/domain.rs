@@ -163,8 +163,7 @@ impl<'s> Domain<'s> {
                 let (p, q) = (a * (b * -1.0 + 1.0), b);
                 let [v0, v1, v2] = mesh.corners(*triangle);
                 let x = combine(&v0.coords, &[v1 - v0, v2 - v0], [p, q]);
-                let area =
-                    DualVector::constant(mesh.area_vector(*triangle) * 2.0).scaled(b * -1.0 + 1.0);
+                let area = DualVector::constant(mesh.area_vector(*triangle)).scaled(b * -1.0 + 1.0);
                 let point =
                     SurfacePoint { primitive: *triangle, p: p.v, q: q.v, x: Point3::from(x.v) };
                 let local = mesh.local(&point)?;
