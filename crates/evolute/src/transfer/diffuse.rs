@@ -27,7 +27,10 @@ pub fn polygons(surface: &Surface) -> Option<Vec<ArrayVec<Point3, MAX_CORNERS>>>
                     let mut corners: ArrayVec<Point3, MAX_CORNERS> =
                         m.corners(t).into_iter().collect();
                     let [a, b, c] = m.corners(t);
-                    if (b - a).cross(&(c - a)).dot(&m.area_vector(t)) < 0.0 {
+                    // Vertex normals, where there are any, say which side is the front.
+                    let middle = m.local(&m.at(t, 1.0 / 3.0, 1.0 / 3.0));
+                    let front = middle.map_or_else(Vector3::zeros, |l| l.ng.into_inner());
+                    if (b - a).cross(&(c - a)).dot(&front) < 0.0 {
                         corners.reverse();
                     }
                     corners

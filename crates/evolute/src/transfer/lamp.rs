@@ -14,13 +14,16 @@ use crate::surface::{Mesh, Surface};
 
 /// Most edge functions of a lamp.
 pub const MAX_LAMP_EDGES: usize = 5;
+/// Most triangles of a mesh that are lamps of their own; beyond a few dozen, terms by triangle
+/// outnumber the cells of one.
+const MAX_OUTLINED: usize = 64;
 
 /// One lamp, or one triangle of a lamp.
 #[derive(Clone, Debug)]
 pub struct Lamp {
     /// The shape that emits.
     pub shape: ShapeId,
-    /// The triangle, for a faceted mesh.
+    /// The triangle, for a small mesh.
     pub primitive: Option<u32>,
     /// Radiance on the front [W/(m² sr)].
     pub radiance: Rgb,
@@ -64,7 +67,7 @@ impl Frame {
 pub type LampEdges = ArrayVec<Dual, MAX_LAMP_EDGES>;
 
 impl Lamp {
-    /// All lamps of a scene, faceted meshes by triangle.
+    /// All lamps of a scene, small meshes by triangle.
     pub fn of(scene: &Scene) -> Vec<Self> {
         scene.lamps().flat_map(|id| Self::of_shape(scene, id)).collect()
     }
@@ -94,9 +97,11 @@ impl Lamp {
             Surface::Sphere(s) if s.faces_outward() => {
                 vec![lamp(None, Outline::Ball(s.centre().coords, s.radius()))]
             }
-            Surface::Mesh(m) if super::extension::is_faceted(m) => (0..m.triangles().len() as u32)
-                .filter_map(|t| Some(lamp(Some(t), Outline::Triangle(triangle_frame(m, t)?))))
-                .collect(),
+            // Vertex normals say nothing about what a lamp covers.
+            Surface::Mesh(m) if m.triangles().len() <= MAX_OUTLINED => {
+                let frame = |t| Some(lamp(Some(t), Outline::Triangle(triangle_frame(m, t)?)));
+                (0..m.triangles().len() as u32).filter_map(frame).collect()
+            }
             _ => vec![lamp(None, Outline::Sampled)],
         }
     }
@@ -154,8 +159,9 @@ impl Lamp {
 
 fn triangle_frame(mesh: &Mesh, triangle: u32) -> Option<Frame> {
     let [v0, v1, v2] = mesh.corners(triangle);
-    let normal = mesh.area_vector(triangle).try_normalize(0.0)?;
-    Frame::new(v0.coords, v1 - v0, v2 - v0, normal)
+    // Vertex normals, where there are any, say which side is the front.
+    let middle = mesh.local(&mesh.at(triangle, 1.0 / 3.0, 1.0 / 3.0))?;
+    Frame::new(v0.coords, v1 - v0, v2 - v0, middle.ng.into_inner())
 }
 
 /// Height o above the lamp, descent m, and the crossing point times m.
