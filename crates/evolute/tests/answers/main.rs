@@ -1,0 +1,11 @@
+//! Light at a receiver against known answers: closed forms, and maps made by other programs. The cases are
+//! described in `cases/*/README.md`; `cargo test --release -p evolute --test answers -- --nocapture`
+//! prints the tables.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod cases;
+mod known;
+mod polygon;
