@@ -100,7 +100,7 @@ fn white_furnace() {
 }
 
 #[test]
-#[ignore = "off by up to 3 %, under an estimate of 1e-3"]
+#[ignore = "off by up to 3 %, reported as not met"]
 fn white_furnace_not_yet() {
     let bodies = ["wavy_mirror", "tube", "glass_slab"];
     assert!(furnace(&bodies, |body, k| NOT_YET.contains(&(body, k))) < 1e-3);
