@@ -13,8 +13,6 @@ use crate::trace::Hit;
 
 /// A family of rays on a surface.
 pub struct Meeting {
-    /// Distance of the central ray [m].
-    pub t: f64,
     /// Points [m].
     pub x: DualVector,
     /// Unit normals on the shape's front.
@@ -52,7 +50,7 @@ pub fn meet(
         let x = ray.met(hit.t, &hit.anchor.point.x, &local.ng)?;
         let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
         let apertures = apertures(surface, primitive, &hit.anchor.point, &x)?;
-        return Some(Meeting { t: hit.t, x, n, point: hit.anchor.point, apertures });
+        return Some(Meeting { x, n, point: hit.anchor.point, apertures });
     }
     let (t, point) = match surface {
         Surface::Rectangle(r) => {
@@ -99,7 +97,7 @@ pub fn meet(
     let x = ray.met(t, &point.x, &local.ng)?;
     let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
     let apertures = apertures(surface, primitive, &point, &x)?;
-    Some(Meeting { t, x, n, point, apertures })
+    Some(Meeting { x, n, point, apertures })
 }
 
 fn on_plane(

@@ -35,20 +35,6 @@ impl Patch {
         Self(c)
     }
 
-    /// The bilinear polynomial with these corner values.
-    pub fn bilinear(v: [f64; 4]) -> Self {
-        let mut c = [0.0; 16];
-        for i in 0..4 {
-            let a = i as f64 / 3.0;
-            for j in 0..4 {
-                let b = j as f64 / 3.0;
-                c[4 * i + j] =
-                    (1.0 - a) * ((1.0 - b) * v[0] + b * v[2]) + a * ((1.0 - b) * v[1] + b * v[3]);
-            }
-        }
-        Self(c)
-    }
-
     /// Adds `height` times the bump 16 a(1−a) b(1−b), which is one at the centre and zero on the sides.
     pub fn add_bump(&mut self, height: f64) {
         // a(1−a) has the cubic coefficients (0, 1/3, 1/3, 0).

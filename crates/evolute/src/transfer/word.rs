@@ -68,7 +68,6 @@ struct Word {
 type FirstLeg = Option<(super::domain::FirstPoint, bool)>;
 
 struct Root<'s> {
-    shape: ShapeId,
     domain: Domain<'s>,
     legs: HashMap<u64, FirstLeg, GridHasher>,
 }
@@ -143,7 +142,7 @@ impl<'s> Words<'s> {
                     ids.push(self.add(Source::First(root), step, 1, true));
                 }
             }
-            self.roots.push(Root { shape, domain, legs: HashMap::default() });
+            self.roots.push(Root { domain, legs: HashMap::default() });
         }
         ids
     }

@@ -1,0 +1,178 @@
+//! What one cell is worth, and how well that is known.
+//!
+//! The estimate of a cell's error comes from what its interpolant misses at the centre: edges shifted
+//! by that residual both ways, plus the weight's residual over the part that is lit. It is an
+//! estimate, not a bound: a feature between samples is unseen.
+
+use super::boundary::{Border, border};
+use super::field::{FieldSample, Sight};
+use super::interpolant::{Corners, Interpolant, Light};
+use super::quadrature::{LAST_LEVEL, Quadrature, Term};
+use super::word::{GRID_BITS, GridPoint};
+use crate::geometry::Rgb;
+
+/// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
+/// rays to the corners and the centre meets it.
+const HIDDEN_SHARE: f64 = 0.5;
+/// Criteria 1 to 3 are not asked of a cell that, lit all over, would be worth less than this share of
+/// the tolerance: the error that its samples show is enough to go by.
+const MATTERS_SHARE: f64 = 0.02;
+
+/// Where a cell is.
+pub struct Place {
+    /// Index of the term.
+    pub term: usize,
+    /// Divisions of the domain, a side.
+    pub level: u32,
+    /// Least corner on the grid.
+    pub i: u32,
+    /// Least corner on the grid.
+    pub j: u32,
+}
+
+impl Place {
+    /// Side on the grid.
+    fn side(&self) -> u32 {
+        1u32 << (GRID_BITS - self.level)
+    }
+
+    /// Side in the domain.
+    fn size(&self) -> f64 {
+        1.0 / f64::from(1u32 << self.level)
+    }
+
+    /// The grid point nearest to (a, b) of the cell.
+    fn at(&self, a: f64, b: f64) -> GridPoint {
+        let to = |x: f64| (x * f64::from(self.side()) + 0.5) as u32;
+        GridPoint { i: self.i + to(a), j: self.j + to(b) }
+    }
+
+    fn corners(&self) -> [GridPoint; 4] {
+        [self.at(0.0, 0.0), self.at(1.0, 0.0), self.at(0.0, 1.0), self.at(1.0, 1.0)]
+    }
+}
+
+/// What one cell is worth.
+pub struct Estimate {
+    /// Irradiance [W/m²].
+    pub integral: Rgb,
+    /// Estimated error of its luminance [W/m²].
+    pub error: f64,
+    /// Whether a criterion asks for the cell to be divided before it is integrated.
+    pub divide: bool,
+}
+
+impl Estimate {
+    const DARK: Self = Self { integral: Rgb::BLACK, error: 0.0, divide: false };
+    const DIVIDE: Self = Self { integral: Rgb::BLACK, error: 0.0, divide: true };
+}
+
+impl Quadrature<'_, '_> {
+    /// The worth of a cell to about a thousandth of `tolerance` [W/m²] beyond what its interpolant
+    /// misses; zero if that is not known yet.
+    pub(super) fn estimate(&mut self, place: &Place, tolerance: f64) -> Estimate {
+        let &Place { term, level, .. } = place;
+        let first = self.first[term];
+        let h = place.size();
+        let numbers = place.corners().map(|point| self.sample(term, point));
+        let light = match &self.terms[term] {
+            Term::Direct(_, radiance) => Light { radiance: *radiance, channels: 1 },
+            Term::Through(word, lamp) => Light {
+                radiance: self.lamps[*lamp].radiance,
+                channels: if self.words.is_grey(*word) { 1 } else { 3 },
+            },
+        };
+        let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
+        if corners.iter().all(Option::is_none) {
+            // A chain that exists nowhere on the corners may still exist inside.
+            let centre = self.sample(term, place.at(0.5, 0.5));
+            let Some(centre) = &self.samples[centre] else { return Estimate::DARK };
+            let most = centre.weight[0].v.abs() * h * h * light.radiance.luminance();
+            return Estimate { integral: Rgb::BLACK, error: most, divide: level <= first };
+        }
+        // Criteria 1 and 2 look at the corners alone, before a cell may be called dark: four corners
+        // far apart tell little.
+        let most = corners.iter().flatten().fold(0f64, |m, s| m.max(s.weight[0].v.abs()));
+        let matters = level < LAST_LEVEL
+            && most * h * h * light.radiance.luminance() > MATTERS_SHARE * tolerance;
+        let coarse = level < first + 3;
+        let c = &self.criteria;
+        if matters
+            && coarse
+            && (c.solid_angle.is_some_and(|c| c.divides(&corners, h * h))
+                || c.normal_variation.is_some_and(|c| c.divides(&corners)))
+        {
+            return Estimate::DIVIDE;
+        }
+        let Some(edges) = Interpolant::edges(&corners, h) else { return Estimate::DARK };
+        if matters && c.matching_trees.is_some_and(|c| c.divides(&corners, level - first)) {
+            return Estimate::DIVIDE;
+        }
+        let centre = self.sample(term, place.at(0.5, 0.5));
+        let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
+        let centre = self.samples[centre].as_ref();
+        let on = |s: Option<&FieldSample>| s.map_or(Sight::Off, |s| s.sight);
+        let (sights, middle) = (corners.map(on), on(centre));
+        let Some(interpolant) = Interpolant::new(&corners, centre, edges, h, light) else {
+            return Estimate::DARK;
+        };
+        if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
+            return Estimate::DARK;
+        }
+        self.with_sights(place, interpolant, sights, middle, tolerance)
+    }
+
+    /// The worth of an interpolated cell under what sampling alone sees: occluders, chains that do
+    /// not exist.
+    fn with_sights(
+        &mut self,
+        place: &Place,
+        mut interpolant: Interpolant,
+        sights: [Sight; 4],
+        middle: Sight,
+        tolerance: f64,
+    ) -> Estimate {
+        let term = place.term;
+        let (mut integral, mut error) = interpolant.lit(tolerance);
+        let whole = interpolant.light.luminance(integral).abs().max(error);
+        let any = |sight: Sight| middle == sight || sights.contains(&sight);
+        if !any(Sight::On) && whole > 0.0 {
+            // None of the five rays is lit; ask where the polynomials say that most light is.
+            let (a, b) = interpolant.brightest_point();
+            if !self.sees(term, place.at(a, b)) {
+                // Hidden, as far as one ray tells.
+                return Estimate { integral: Rgb::BLACK, error: whole, divide: false };
+            }
+        }
+        if any(Sight::Off) {
+            let seen = |s: Sight| s != Sight::Off;
+            let ask = |a: f64, b: f64| self.sees(term, place.at(a, b));
+            match border(sights.map(seen), seen(middle), ask) {
+                Border::Everything => {}
+                Border::Nothing => return Estimate::DARK,
+                Border::Cut(patch, doubt) => {
+                    integral = interpolant.behind(*patch, tolerance);
+                    error = error.min(whole) + (interpolant.most() * doubt).min(whole);
+                }
+                Border::Tangled => {
+                    integral = integral.map(|v| 0.5 * v);
+                    error = whole;
+                }
+            }
+        } else if let Term::Direct(field, _) = &self.terms[term] {
+            // All five rays are free; a proof is asked for what stands between them.
+            let (a, b) = place.at(0.0, 0.0).coordinates();
+            let boxes_count = place.level < self.first[term] + 2;
+            if field.may_hide(a, b, place.size(), boxes_count) {
+                error = error.max(whole * HIDDEN_SHARE);
+            }
+        }
+        Estimate { integral: interpolant.light.irradiance(integral), error, divide: false }
+    }
+
+    /// Whether nothing is known to stand in the way at a grid point.
+    fn sees(&mut self, term: usize, at: GridPoint) -> bool {
+        let asked = self.sample(term, at);
+        self.samples[asked].as_ref().is_some_and(|s| s.sight != Sight::Off)
+    }
+}

@@ -1,0 +1,230 @@
+//! The polynomials that stand for the integrand in one cell: weights, and the edge functions that may
+//! vanish in it, from values and gradients at the corners and the centre.
+
+use arrayvec::ArrayVec;
+
+use super::cut::{Integrals, MAX_CONSTRAINTS, Weights, cut_integral};
+use super::field::{FieldSample, MAX_FIELD_EDGES};
+use super::polynomial::Patch;
+use crate::geometry::Rgb;
+use crate::optics::Dual;
+
+/// Share of the tolerance that one cell's curves may be straightened for.
+const CUT_SHARE: f64 = 1e-3;
+/// A cell is dark when an edge function is negative by this share of how far its polynomial bends.
+const DARK_MARGIN: f64 = 0.5;
+/// Share of a gradient's residual that counts as a value's: the residual of a quartic has that slope
+/// half way to the side.
+const GRADIENT_SHARE: f64 = 0.25;
+/// Share of the centre's residual that is left after the bump at the centre took it up.
+const LEFT_AFTER_BUMP: f64 = 0.5;
+/// A cell whose edges, shifted, sweep less than this share of the tolerance needs no closer look: a
+/// few dozen such cells are still well within it.
+const NEGLIGIBLE_SHIFT: f64 = 2e-3;
+
+/// Samples at (0,0), (1,0), (0,1), (1,1); `None` where the chain does not exist.
+pub type Corners<'a> = [Option<&'a FieldSample>; 4];
+/// Edge functions through the corners.
+pub type Edges = ArrayVec<Patch, MAX_FIELD_EDGES>;
+
+/// The lamp's radiance [W/(m² sr)] and how many channels the weights have.
+#[derive(Clone, Copy)]
+pub struct Light {
+    /// Radiance.
+    pub radiance: Rgb,
+    /// One, if the throughput is the same in all channels; else three.
+    pub channels: usize,
+}
+
+impl Light {
+    /// Irradiance of an integral over weights.
+    pub fn irradiance(&self, integral: Integrals) -> Rgb {
+        if self.channels == 1 { self.radiance * integral[0] } else { Rgb(integral) * self.radiance }
+    }
+
+    /// Its luminance.
+    pub fn luminance(&self, integral: Integrals) -> f64 {
+        self.irradiance(integral).luminance()
+    }
+}
+
+/// The polynomials of one cell, over the unit square; weights carry the cell's area.
+pub struct Interpolant {
+    /// What the weights are multiplied by.
+    pub light: Light,
+    weights: Weights,
+    weight_residual: f64,
+    cuts: ArrayVec<Patch, MAX_CONSTRAINTS>,
+    shifts: ArrayVec<f64, MAX_FIELD_EDGES>,
+}
+
+impl Interpolant {
+    /// The edge functions through the corners of a cell of side `h`; `None` if one of them says,
+    /// with a margin for how much it bends, that the cell is dark.
+    pub fn edges(corners: &Corners<'_>, h: f64) -> Option<Edges> {
+        let missing = corners.iter().filter(|c| c.is_none()).count();
+        let count = corners.iter().flatten().map(|c| c.edges.len()).min().unwrap_or(0);
+        let mut edges = Edges::new();
+        for k in 0..count {
+            let patch = hermite(corners, h, |s| s.edges[k]);
+            let margin = DARK_MARGIN * (1 + missing) as f64 * patch.plane().0;
+            if patch.bounds().1 < -margin {
+                return None;
+            }
+            edges.push(patch);
+        }
+        Some(edges)
+    }
+
+    /// Takes the centre in; `None` if the cell is dark even with its edges shifted by what they miss
+    /// there.
+    pub fn new(
+        corners: &Corners<'_>,
+        centre: Option<&FieldSample>,
+        edges: Edges,
+        h: f64,
+        light: Light,
+    ) -> Option<Self> {
+        let left =
+            |value: f64, slope: f64| LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
+        let mut weights = Weights::new();
+        let mut weight_residual = 0.0;
+        for c in 0..light.channels {
+            let mut patch = hermite(corners, h, |s| s.weight[c] * (h * h));
+            if let Some(s) = centre {
+                let (value, slope) = residual(&patch, &(s.weight[c] * (h * h)), h);
+                patch.add_bump(value);
+                let share = if light.channels == 1 { 1.0 } else { LUMINANCE[c] };
+                weight_residual += share * left(value, slope);
+            }
+            weights.push(patch);
+        }
+        // Only edges that may vanish in the cell matter.
+        let (mut cuts, mut shifts) = (ArrayVec::new(), ArrayVec::new());
+        for (k, mut patch) in edges.into_iter().enumerate() {
+            let mut shift = 0.0;
+            if let Some(s) = centre {
+                let (value, slope) = residual(&patch, &s.edges[k], h);
+                patch.add_bump(value);
+                shift = left(value, slope);
+            }
+            let (low, high) = patch.bounds();
+            if high + shift < 0.0 {
+                return None;
+            }
+            if low - shift < 0.0 {
+                cuts.push(patch);
+                shifts.push(shift);
+            }
+        }
+        Some(Self { light, weights, weight_residual, cuts, shifts })
+    }
+
+    /// Luminance of the largest weight over the whole cell [W/m²].
+    pub fn most(&self) -> f64 {
+        let most = self.weights.iter().fold(0f64, |m, w| m.max(w.bounds().1));
+        self.light.luminance([most; 3])
+    }
+
+    /// How much curves may be straightened for, in the weights' unit.
+    fn straightening(&self, tolerance: f64) -> f64 {
+        if tolerance > 0.0 {
+            CUT_SHARE * tolerance / self.light.radiance.luminance().max(f64::MIN_POSITIVE)
+        } else {
+            CUT_SHARE * self.weights.first().map_or(0.0, Patch::integral).abs()
+        }
+    }
+
+    /// The integral over the lit part and the error of its luminance.
+    pub fn lit(&self, tolerance: f64) -> (Integrals, f64) {
+        let luminance = |v: Integrals| self.light.luminance(v);
+        let full: Integrals =
+            std::array::from_fn(|c| self.weights.get(c).map_or(0.0, Patch::integral));
+        if self.cuts.is_empty() {
+            return (full, luminance([self.weight_residual; 3]).abs());
+        }
+        let straight = self.straightening(tolerance);
+        let exact = cut_integral(&self.weights, &self.cuts, straight);
+        let moved =
+            self.cuts.iter().zip(&self.shifts).map(|(c, s)| displacement(c, *s)).sum::<f64>();
+        let swept = self.most() * moved;
+        let (shift_error, wide) = if swept <= NEGLIGIBLE_SHIFT * tolerance {
+            // The strip that the shift sweeps is worth nothing; its size need not be known.
+            (swept, exact)
+        } else {
+            let shifted = |sign: f64| -> ArrayVec<Patch, MAX_CONSTRAINTS> {
+                self.cuts.iter().zip(&self.shifts).map(|(c, s)| c.shifted(sign * s)).collect()
+            };
+            let wide = cut_integral(&self.weights, &shifted(1.0), straight);
+            let narrow = cut_integral(&self.weights, &shifted(-1.0), straight);
+            let missed = (luminance(exact) - 0.5 * (luminance(wide) + luminance(narrow))).abs();
+            (0.5 * (luminance(wide) - luminance(narrow)).abs() + missed, wide)
+        };
+        let lit = if full[0].abs() > 0.0 { (wide[0] / full[0]).clamp(0.0, 1.0) } else { 1.0 };
+        let straightened = if lit > 0.0 { luminance([straight; 3]) * 0.25 } else { 0.0 };
+        let weight_error = luminance([self.weight_residual * lit; 3]).abs();
+        (exact, shift_error + weight_error + straightened)
+    }
+
+    /// The integral where one more polynomial is positive, too.
+    pub fn behind(&mut self, border: Patch, tolerance: f64) -> Integrals {
+        // There is room for one more than a field has edges.
+        self.cuts.push(border);
+        cut_integral(&self.weights, &self.cuts, self.straightening(tolerance))
+    }
+
+    /// The point of a coarse grid where the least edge function is largest.
+    pub fn brightest_point(&self) -> (f64, f64) {
+        let mut best = (f64::NEG_INFINITY, (0.5, 0.5));
+        for (i, j) in (0..=8).flat_map(|i| (0..=8).map(move |j| (i, j))) {
+            let (a, b) = (f64::from(i) * 0.125, f64::from(j) * 0.125);
+            let least = self.cuts.iter().fold(f64::INFINITY, |least, c| {
+                let (low, high) = c.bounds();
+                least.min(c.value(a, b) / (high - low).max(f64::MIN_POSITIVE))
+            });
+            if least > best.0 {
+                best = (least, (a, b));
+            }
+        }
+        best.1
+    }
+}
+
+/// An upper estimate of the area that a constraint's zero sweeps when it is shifted, as a part of the
+/// unit cell; one where the constraint bends too much to tell.
+fn displacement(constraint: &Patch, shift: f64) -> f64 {
+    let (off, [_, ga, gb]) = constraint.plane();
+    let slope = (ga * ga + gb * gb).sqrt() - 3.0 * off;
+    // A straight line through the cell is at most √2 long.
+    if slope > 0.0 { (1.5 * shift / slope).min(1.0) } else { 1.0 }
+}
+
+/// Shares of the channels in luminance.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Differences of value and of gradient (as a sum) at the centre between the field and the patch.
+fn residual(patch: &Patch, truth: &Dual, h: f64) -> (f64, f64) {
+    let p = patch.centre();
+    (truth.v - p.v, (truth.a * h - p.a).abs() + (truth.b * h - p.b).abs())
+}
+
+/// The patch through the corners; corners where the field does not exist are extrapolated from the
+/// others.
+fn hermite(corners: &Corners<'_>, h: f64, pick: impl Fn(&FieldSample) -> Dual) -> Patch {
+    const AT: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+    let known: [Option<Dual>; 4] = std::array::from_fn(|k| corners[k].map(&pick));
+    let data: [Dual; 4] = std::array::from_fn(|k| {
+        known[k].unwrap_or_else(|| {
+            let (mut sum, mut count) = (Dual::default(), 0.0);
+            for (m, d) in known.iter().enumerate() {
+                if let Some(d) = d {
+                    let (da, db) = (AT[k][0] - AT[m][0], AT[k][1] - AT[m][1]);
+                    sum = sum + Dual::new(d.v + h * (d.a * da + d.b * db), d.a, d.b);
+                    count += 1.0;
+                }
+            }
+            sum * (1.0 / count)
+        })
+    });
+    Patch::hermite(&data, h, h)
+}
