@@ -7,5 +7,7 @@
 mod common;
 
 mod cases;
+mod direct;
 mod known;
 mod polygon;
+mod threads;
