@@ -115,22 +115,26 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         ),
     );
 
-    let raster = raster(&picture, common.unit_factor());
+    let (unmet, receivers, complete) = (picture.unmet, picture.receivers, picture.complete);
+    let raster = raster(picture, common.unit_factor() as f32);
+    let exposure = exposure(arguments, &raster);
+    if files.iter().any(|(_, format)| *format == Format::Png) {
+        summary.set("exposure", exposure.ev);
+        if arguments.exposure.is_none() {
+            session::detail(common, &format!("--exposure {}", exposure.ev));
+        }
+    }
     let mut encoded = Vec::new();
     for (path, format) in &files {
-        let bytes = match format {
-            Format::Exr => encode_exr(&raster, &attributes(&scene.name, common))?,
-            Format::Radiance => encode_radiance(&raster)?,
-            Format::Png => {
-                let exposure = exposure(arguments, &raster);
-                summary.set("exposure", exposure.ev);
-                if arguments.exposure.is_none() {
-                    session::detail(common, &format!("--exposure {}", exposure.ev));
-                }
-                encode_png(&raster, exposure)?
-            }
-        };
-        encoded.push((path, bytes));
+        match format {
+            Format::Exr => {}
+            Format::Png => encoded.push((path, encode_png(&raster, exposure)?)),
+            Format::Radiance => encoded.push((path, encode_radiance(&raster)?)),
+        }
+    }
+    // Last, as it takes the raster, which can be large.
+    if let Some((path, _)) = files.iter().find(|(_, format)| *format == Format::Exr) {
+        encoded.insert(0, (path, encode_exr(raster, &attributes(&scene.name, common))?));
     }
     for (path, bytes) in encoded {
         replace_file(path, &bytes)?;
@@ -138,16 +142,13 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         summary.file(path);
     }
     summary.lap("write");
-    if picture.unmet > 0 {
+    if unmet > 0 {
         session::note(
             common,
-            &format!(
-                "{} of {} receivers did not reach their tolerance",
-                picture.unmet, picture.receivers
-            ),
+            &format!("{} of {} receivers did not reach their tolerance", unmet, receivers),
         );
     }
-    if !picture.complete {
+    if !complete {
         return Err(Failure::Limit(
             "stopped by --max-time: the picture is written, but coarser than asked for".into(),
         ));
@@ -213,23 +214,24 @@ fn attributes(scene: &str, common: &Common) -> ExrAttributes {
 }
 
 /// The picture's layers as channels, radiance and irradiance times `factor`.
-fn raster(picture: &Picture, factor: f64) -> Raster {
+fn raster(picture: Picture, factor: f32) -> Raster {
     let mut raster = Raster::new(picture.width, picture.height);
-    let scaled = |v: [f64; 3]| v.map(|x| x * factor);
+    let scaled = |v: [f32; 3]| v.map(|x| x * factor);
     raster.push_rgb("", picture.radiance().map(scaled));
+    let size = picture.width * picture.height;
     for (name, layer) in [
-        ("direct", &picture.direct),
-        ("specular", &picture.specular),
+        ("direct", picture.direct),
+        ("specular", picture.specular),
         // Not computed yet; there, so that readers find every layer.
-        ("indirect", &vec![[0.0; 3]; picture.width * picture.height]),
-        ("emitted", &picture.emitted),
-        ("irradiance", &picture.irradiance),
+        ("indirect", vec![[0.0; 3]; size]),
+        ("emitted", picture.emitted),
+        ("irradiance", picture.irradiance),
     ] {
         raster.push_rgb(name, layer.iter().copied().map(scaled));
     }
-    raster.push("Z", picture.distance.iter().map(|z| *z as f32).collect());
+    raster.push("Z", picture.distance);
     for (i, axis) in ["N.X", "N.Y", "N.Z"].into_iter().enumerate() {
-        raster.push(axis, picture.normal.iter().map(|n| n[i] as f32).collect());
+        raster.push(axis, picture.normal.iter().map(|n| n[i]).collect());
     }
     raster
 }

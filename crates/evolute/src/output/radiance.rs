@@ -133,7 +133,7 @@ mod tests {
             let mut raster = Raster::new(w, h);
             let value = |i: usize| {
                 // Flat stretches, ramps, blacks and a large range.
-                let x = if i % 97 < 40 { 0.25 } else { (i % 31) as f64 * 0.11 };
+                let x = if i % 97 < 40 { 0.25 } else { (i % 31) as f32 * 0.11 };
                 let big = if i.is_multiple_of(50) { 1e6 } else { 1.0 };
                 if i % 60 < 6 { [0.0; 3] } else { [x * big, 0.5 * x + 0.01, 1e-9] }
             };
@@ -141,7 +141,7 @@ mod tests {
             let (dw, dh, pixels) = decode(&encode_radiance(&raster).unwrap());
             assert_eq!((dw, dh), (w, h));
             for (i, p) in pixels.iter().enumerate() {
-                let v = value(i);
+                let v = value(i).map(f64::from);
                 let largest = v[0].max(v[1]).max(v[2]);
                 for c in 0..3 {
                     assert!((p[c] - v[c]).abs() <= largest / 250.0, "{i} {p:?} {v:?}");

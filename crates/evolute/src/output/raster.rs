@@ -32,10 +32,10 @@ impl Raster {
     }
 
     /// Adds `R`, `G`, `B` of a layer (`""`: the unnamed one) from one triple per pixel.
-    pub fn push_rgb(&mut self, layer: &str, values: impl Iterator<Item = [f64; 3]> + Clone) {
+    pub fn push_rgb(&mut self, layer: &str, values: impl Iterator<Item = [f32; 3]> + Clone) {
         for (i, letter) in ["R", "G", "B"].into_iter().enumerate() {
             let name = if layer.is_empty() { letter.into() } else { format!("{layer}.{letter}") };
-            self.push(name, values.clone().map(|v| v[i] as f32).collect());
+            self.push(name, values.clone().map(|v| v[i]).collect());
         }
     }
 

@@ -139,9 +139,9 @@ pub(super) fn resolve(
                 }
             }
             for centre in &band.centres {
-                picture.distance.push(centre.distance);
-                picture.normal.push(centre.normal);
-                picture.irradiance.push(centre.irradiance.0);
+                picture.distance.push(centre.distance as f32);
+                picture.normal.push(centre.normal.map(|x| x as f32));
+                picture.irradiance.push(single(centre.irradiance));
             }
             picture.rays += band.rays;
             picture.samples += band.samples;
@@ -154,11 +154,16 @@ pub(super) fn resolve(
     picture.cut = cut / picture.samples.max(1) as f64;
     for sum in &sums {
         let scale = if sum.weight > 0.0 { 1.0 / sum.weight } else { 0.0 };
-        picture.direct.push((sum.parts.direct * scale).0);
-        picture.specular.push((sum.parts.specular * scale).0);
-        picture.emitted.push((sum.parts.emitted * scale).0);
+        picture.direct.push(single(sum.parts.direct * scale));
+        picture.specular.push(single(sum.parts.specular * scale));
+        picture.emitted.push(single(sum.parts.emitted * scale));
     }
     Some(picture)
+}
+
+/// In the precision of picture files.
+fn single(rgb: Rgb) -> [f32; 3] {
+    rgb.0.map(|x| x as f32)
 }
 
 /// The rows from `top` on, [`ROWS`] of them or what is left of the film.
