@@ -12,6 +12,8 @@ use evolute::trace::{Anchor, Tracer};
 /// `undecided` is the share of rays that may be beyond double precision.
 fn agree(scale: f64, shift: Vector3, rays: usize, undecided: f64) {
     for (kind, scene) in scenes(7, scale, shift) {
+        // The slow search of patches is a hundred times slower than the others.
+        let rays = if kind == "smooth mesh" { rays / 10 } else { rays };
         let tally = compare(&scene, 1, rays);
         println!(
             "{kind}: {} rays, {} hits, {} undecided, {} disagreements, {:.1e} off the ray",

@@ -13,7 +13,7 @@ mod triangle;
 
 use crate::geometry::{Aabb, Point3, Ray, Vector3};
 use crate::scene::{Scene, ShapeId};
-use crate::surface::{Mesh, Surface, SurfacePoint, contact_tolerance};
+use crate::surface::{Mesh, PatchRoot, Surface, SurfacePoint, contact_tolerance};
 use arrayvec::ArrayVec;
 use hierarchy::{Hierarchy, Leaf, Slabs};
 use leaves::TriangleLeaves;
@@ -100,7 +100,7 @@ impl<'s> Tracer<'s> {
         }
         let surface = |i: u32| &scene.shapes[i as usize].surface;
         let mut hierarchy = Hierarchy::new(&boxes, |i| match surface(primitives[i as usize].0) {
-            Surface::Mesh(_) => 0,
+            Surface::Mesh(m) if !m.is_smooth() => 0,
             _ => 1,
         });
         let triangles: Vec<Triangle> = hierarchy.order[0]
@@ -222,8 +222,14 @@ impl<'s> Tracer<'s> {
                     add(t.shape, m.locate_on(t.primitive, x));
                 }
             }
-            for &(shape, _) in self.others_of(leaf) {
-                add(shape, self.surface(shape).locate(x));
+            for &(shape, i) in self.others_of(leaf) {
+                add(
+                    shape,
+                    match self.surface(shape) {
+                        Surface::Mesh(m) => m.locate_on(i, x),
+                        s => s.locate(x),
+                    },
+                );
             }
             false
         });
@@ -378,14 +384,15 @@ impl<'s> Tracer<'s> {
         if on.is_empty() {
             return;
         }
-        let middle = (triangle[0].coords + triangle[1].coords + triangle[2].coords) / 3.0;
+        let [xp, xq] = m.tangents(&anchor.point);
+        let inward = xp * (1.0 / 3.0 - p) + xq * (1.0 / 3.0 - q);
         // More than nine such ends there cannot be in earnest; further ones go by rounding.
         let _ = borders.try_push(BorderPoint {
             shape: anchor.shape.0,
             primitive,
             corners: on.iter().map(|&i| triangle[i]).collect(),
             x,
-            inward: middle - x.coords,
+            inward,
             direction,
             t,
         });
@@ -441,7 +448,7 @@ impl<'s> Tracer<'s> {
                     .filter(|&t| counts(t))
                     .find_map(|t| s.between_ends(&ray.at(t), &ray.origin).map(|point| (t, point)))
             }
-            Surface::Mesh(_) => None,
+            Surface::Mesh(m) => meet_patch(m, shape, primitive, ray, t_max, ends),
             Surface::Parametric(s) => {
                 let leaving = start.map(|a| (a.point.p, a.point.q));
                 let near_end = |t| ends.near_end(t, t_max, |x| s.locate(x).is_some());
@@ -487,6 +494,67 @@ fn meet_triangle(
     Some((c.t, SurfacePoint { primitive: triangle.primitive, p: c.p, q: c.q, x }))
 }
 
+/// The nearest root of a ray and a patch of a smooth mesh at 0 < t ≤ `t_max`.
+fn meet_patch(
+    mesh: &Mesh,
+    shape: u32,
+    primitive: u32,
+    ray: &Ray,
+    t_max: f64,
+    ends: &Ends,
+) -> Option<Found> {
+    let own = |a: &&Anchor| a.shape.0 == shape && a.point.primitive == primitive;
+    // Weights at which the ray starts or ends on this patch.
+    let mut known: ArrayVec<(f64, f64), 4> = ArrayVec::new();
+    let ends_here = ends.start.iter().chain(ends.end).filter(own);
+    known.extend(ends_here.take(2).map(|a| (a.point.p, a.point.q)));
+    for b in ends.borders.iter().filter(|b| b.shape == shape && b.primitive != primitive) {
+        let corners = mesh.corners(primitive);
+        let shared = shared_corners(&corners, b);
+        if shared.is_empty() {
+            continue;
+        }
+        let weights = weights_on(&corners, &shared, &b.x);
+        let (p, q) = (weights[1], weights[2]);
+        // The patch's tangent plane, as a triangle, stands for it.
+        let at = SurfacePoint { primitive, p, q, x: b.x };
+        let [xp, xq] = mesh.tangents(&at);
+        let flat =
+            [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)].map(|(u, v)| b.x + xp * (u - p) + xq * (v - q));
+        if enters_neighbour(&flat, &shared, &b.inward, &b.direction) && b.t <= t_max {
+            return Some((b.t, at));
+        }
+        let _ = known.try_push((p, q));
+    }
+    let speed = ray.direction.norm();
+    let mut best: Option<Found> = None;
+    for root in mesh.patch_roots(primitive, ray) {
+        let PatchRoot { t, p, q } = root;
+        // A patch knows its start by its weights; a chord of 1e-9 of a triangle is none.
+        let same = |k: &(f64, f64)| (k.0 - p).abs() + (k.1 - q).abs() < 1e-9;
+        if !(t > 0.0 && t <= t_max)
+            || best.is_some_and(|b| t >= b.0)
+            || known.iter().any(same)
+            || t * speed <= contact_tolerance(&ray.origin, &mesh.bounds())
+        {
+            continue;
+        }
+        let point = mesh.at(primitive, p, q);
+        let on = |x: &Point3| (point.x - x).norm() <= contact_tolerance(x, &mesh.bounds());
+        if !ends.near_end(t, t_max, on) {
+            best = Some((t, point));
+        }
+    }
+    best
+}
+
+/// The corners of a triangle that are a start's (or end's) edge or vertex, as indices; none unless all
+/// are there.
+fn shared_corners(corners: &[Point3; 3], b: &BorderPoint) -> ArrayVec<usize, 3> {
+    let shared: ArrayVec<usize, 3> = (0..3).filter(|&i| b.corners.contains(&corners[i])).collect();
+    if shared.len() == b.corners.len() { shared } else { ArrayVec::new() }
+}
+
 enum AtBorder {
     /// The triangle does not have the border in question.
     Elsewhere,
@@ -503,9 +571,8 @@ fn meet_at_border(triangle: &Triangle, ends: &Ends) -> AtBorder {
         if b.primitive == triangle.primitive {
             return AtBorder::Passed;
         }
-        let shared: ArrayVec<usize, 3> =
-            (0..3).filter(|&i| b.corners.contains(&triangle.corners[i])).collect();
-        if shared.len() != b.corners.len() {
+        let shared = shared_corners(&triangle.corners, b);
+        if shared.is_empty() {
             continue;
         }
         result = AtBorder::Passed;
@@ -539,7 +606,7 @@ fn primitive_count(surface: &Surface) -> u32 {
 fn primitive_bounds(surface: &Surface, primitive: u32) -> Aabb {
     match surface {
         Surface::Mesh(m) if m.area_vector(primitive).norm_squared() > 0.0 => {
-            Aabb::around(m.corners(primitive))
+            m.triangle_bounds(primitive)
         }
         Surface::Mesh(_) => Aabb::EMPTY,
         Surface::Parametric(p) => p.leaf_bounds(primitive as usize),

@@ -21,7 +21,7 @@ pub fn polygons(surface: &Surface) -> Option<Vec<ArrayVec<Point3, MAX_CORNERS>>>
             }
             Some(vec![corners])
         }
-        Surface::Mesh(m) => Some(
+        Surface::Mesh(m) if !m.is_smooth() => Some(
             (0..m.triangles().len() as u32)
                 .map(|t| {
                     let mut corners: ArrayVec<Point3, MAX_CORNERS> =

@@ -31,7 +31,7 @@ impl Body {
     pub fn of(scene: &Scene, shape: ShapeId, primitive: u32) -> (Self, bool) {
         let hull = |points: &[Point3]| Self::Hull(points.iter().map(|p| p.coords).collect());
         match &scene.shape(shape).surface {
-            Surface::Mesh(m) => (hull(&m.corners(primitive)), m.normals().is_none()),
+            Surface::Mesh(m) => (hull(&m.hull(primitive)), !m.is_smooth()),
             Surface::Rectangle(r) => (hull(&r.corners()), true),
             Surface::Sphere(s) => (Self::Ball(s.centre().coords, s.radius()), true),
             Surface::Parametric(p) => (hull(&p.leaf_bounds(primitive as usize).corners()), false),

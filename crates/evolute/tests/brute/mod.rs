@@ -95,6 +95,82 @@ pub fn bumpy_ball(r: &mut Random, n: u32, world: &Transform) -> Mesh {
     Mesh::new(positions, triangles, None, None).unwrap()
 }
 
+/// An ellipsoid of `n` segments around with its own normals at the vertices.
+pub fn smooth_ball(n: u32, world: &Transform) -> Mesh {
+    let (mut positions, mut normals, mut triangles) = (vec![], vec![], vec![]);
+    let rings = n / 2;
+    for j in 0..=rings {
+        for i in 0..n {
+            let (t, p) = (f64::from(j) / f64::from(rings) * PI, f64::from(i) / f64::from(n) * TAU);
+            let d = Vector3::new(t.sin() * p.cos(), t.sin() * p.sin(), t.cos());
+            // Poles and seam must be the same bits for all neighbours.
+            let d = if j == 0 || j == rings { Vector3::new(0.0, 0.0, t.cos()) } else { d };
+            positions.push(world.point(&Point3::from(d)));
+            normals.push(world.normal(&d).normalize());
+        }
+    }
+    for j in 0..rings {
+        for i in 0..n {
+            let at = |i: u32, j: u32| j * n + i % n;
+            let (a, b, c, d) = (at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j));
+            if j + 1 < rings {
+                triangles.push([a, b, c]);
+            }
+            if j > 0 {
+                triangles.push([a, c, d]);
+            }
+        }
+    }
+    Mesh::new(positions, triangles, Some(normals), None).unwrap()
+}
+
+/// A patch by its definition: half-way from the facet to the mean of its point's projections.
+fn phong_patch(mesh: &Mesh, triangle: u32, p: f64, q: f64) -> Point3 {
+    let indices = mesh.triangles()[triangle as usize];
+    let corners = indices.map(|i| mesh.positions()[i as usize]);
+    let normals = indices.map(|i| mesh.normals().unwrap()[i as usize].normalize());
+    let w = [1.0 - p - q, p, q];
+    let flat = corners[0] + (corners[1] - corners[0]) * p + (corners[2] - corners[0]) * q;
+    let mut drop = Vector3::zeros();
+    for i in 0..3 {
+        drop += normals[i] * ((flat - corners[i]).dot(&normals[i]) * w[i]);
+    }
+    flat - drop * 0.5
+}
+
+/// Height of `y` over a patch, and how far inside its triangle the foot is (in weights).
+fn height_over_patch(mesh: &Mesh, triangle: u32, y: &Point3) -> (f64, f64) {
+    let at = |p: f64, q: f64| phong_patch(mesh, triangle, p, q);
+    let (mut p, mut q) = (1.0 / 3.0, 1.0 / 3.0);
+    let tangents = |p: f64, q: f64| {
+        // Central differences of a quadratic are exact.
+        (at(p + 0.5, q) - at(p - 0.5, q), at(p, q + 0.5) - at(p, q - 0.5))
+    };
+    let (pp, qq, pq) = {
+        let x = at(0.0, 0.0);
+        let second = |a: Point3, b: Point3| (a - x) + (b - x);
+        let cross = at(0.5, 0.5) - at(0.5, -0.5) - (at(-0.5, 0.5) - at(-0.5, -0.5));
+        (second(at(1.0, 0.0), at(-1.0, 0.0)), second(at(0.0, 1.0), at(0.0, -1.0)), cross)
+    };
+    for _ in 0..12 {
+        let r = at(p, q) - y;
+        let (a, b) = tangents(p, q);
+        let (g0, g1) = (a.dot(&r), b.dot(&r));
+        let h00 = a.dot(&a) + pp.dot(&r);
+        let h01 = a.dot(&b) + pq.dot(&r);
+        let h11 = b.dot(&b) + qq.dot(&r);
+        let det = h00 * h11 - h01 * h01;
+        let (dp, dq) = ((g0 * h11 - g1 * h01) / det, (g1 * h00 - g0 * h01) / det);
+        (p, q) = (p - dp, q - dq);
+        if dp.abs() + dq.abs() < 1e-15 {
+            break;
+        }
+    }
+    let (a, b) = tangents(p, q);
+    let n = a.cross(&b).normalize();
+    (n.dot(&(y - at(p, q))), p.min(q).min(1.0 - p - q))
+}
+
 /// What the slow search says of one surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
@@ -112,10 +188,12 @@ fn search(
     t_max: f64,
     on_surface: bool,
     size: f64,
+    patch: bool,
 ) -> Answer {
-    const SAMPLES: usize = 48;
-    let at = |i: usize| t_max * i as f64 / SAMPLES as f64;
-    let values: Vec<f64> = (0..=SAMPLES).map(|i| f(at(i))).collect();
+    // A patch is sampled over its own ball only.
+    let samples = if patch { 8 } else { 48 };
+    let at = |i: usize| t_max * i as f64 / samples as f64;
+    let values: Vec<f64> = (0..=samples).map(|i| f(at(i))).collect();
     let mut certain = true;
     let mut roots = vec![];
     let mut bisect = |mut a: f64, mut b: f64| {
@@ -126,7 +204,7 @@ fn search(
         }
         roots.push(0.5 * (a + b));
     };
-    for i in 0..SAMPLES {
+    for i in 0..samples {
         let (fa, fb) = (values[i], values[i + 1]);
         let start = i == 0 && on_surface;
         if !start && (fa > 0.0) != (fb > 0.0) {
@@ -136,7 +214,7 @@ fn search(
         // Two roots in one interval: look for an extremum of the other sign.
         let sign = if fb > 0.0 { 1.0 } else { -1.0 };
         let slope_a = if i == 0 { f64::NEG_INFINITY } else { sign * (fa - values[i - 1]) };
-        let slope_b = if i + 1 == SAMPLES { f64::INFINITY } else { sign * (values[i + 2] - fb) };
+        let slope_b = if i + 1 == samples { f64::INFINITY } else { sign * (values[i + 2] - fb) };
         let bulge =
             slope_a < sign * (fb - fa) + 1e-12 * size && slope_b > sign * (fb - fa) - 1e-12 * size;
         if !bulge && !start {
@@ -187,6 +265,7 @@ pub fn first(surface: &Surface, ray: &Ray, t_max: f64, own: Option<u32>) -> Answ
                 t_max,
                 false,
                 size,
+                false,
             )
         };
     match surface {
@@ -209,6 +288,7 @@ pub fn first(surface: &Surface, ray: &Ray, t_max: f64, own: Option<u32>) -> Answ
                 t_max,
                 own.is_some(),
                 r + (ray.origin - c).norm() + c.coords.amax(),
+                false,
             )
         }
         Surface::Cylinder(s) => {
@@ -228,7 +308,42 @@ pub fn first(surface: &Surface, ray: &Ray, t_max: f64, own: Option<u32>) -> Answ
                 t_max,
                 own.is_some(),
                 r + (ray.origin - a).norm() + s.length() + a.coords.amax(),
+                false,
             )
+        }
+        Surface::Mesh(m) if m.is_smooth() => {
+            let mut best = Answer { t: None, certain: true };
+            for i in 0..m.triangles().len() as u32 {
+                let c = m.corners(i);
+                let centre = Point3::from((c[0].coords + c[1].coords + c[2].coords) / 3.0);
+                let radius = 1.05 * c.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
+                // The stretch of the ray in a ball around the patch.
+                let (o, d) = (ray.origin - centre, ray.direction);
+                let middle = -o.dot(&d) / d.norm_squared();
+                let past = (o + d * middle).norm_squared();
+                if past > radius * radius {
+                    continue;
+                }
+                let half = ((radius * radius - past) / d.norm_squared()).sqrt();
+                let (from, to) = ((middle - half).max(0.0), (middle + half).min(t_max));
+                if to <= from {
+                    continue;
+                }
+                let f = |t: f64| height_over_patch(m, i, &ray.at(from + t)).0;
+                let inside = |t: f64| height_over_patch(m, i, &ray.at(from + t)).1 + 1e-10;
+                let start = own == Some(i) && from == 0.0;
+                let size = radius + c[0].coords.amax();
+                let answer = search(&f, &inside, to - from, start, size, true);
+                best.certain &= answer.certain;
+                if let Some(t) = answer.t.map(|t| from + t) {
+                    // A border is another patch's too.
+                    best.certain &= inside(t - from).abs() > 2e-10;
+                    if best.t.is_none_or(|b| t < b) {
+                        best.t = Some(t);
+                    }
+                }
+            }
+            best
         }
         Surface::Mesh(m) => {
             let d = ray.direction;
@@ -269,6 +384,9 @@ pub fn residual(surface: &Surface, point: &SurfacePoint) -> f64 {
         Surface::Disk(s) => s.normal().dot(&(x - s.centre())).abs(),
         Surface::Sphere(s) => s.distance(x),
         Surface::Cylinder(s) => s.distance(x),
+        Surface::Mesh(m) if m.is_smooth() => {
+            (x - phong_patch(m, point.primitive, point.p, point.q)).norm()
+        }
         Surface::Mesh(m) => {
             let n = m.area_vector(point.primitive).normalize();
             n.dot(&(x - m.corners(point.primitive)[0])).abs()
@@ -318,17 +436,17 @@ pub fn compare(scene: &Scene, seed: u64, count: usize) -> Tally {
         let ray = match i % 10 {
             0 => {
                 // Grazes: nearly tangent at the point, from a distance.
-                let d = local.n.cross(&r.direction()).normalize();
+                let d = local.ng.cross(&r.direction()).normalize();
                 let tilt =
                     10f64.powf(r.between(-6.0, -1.0)) * if r.unit() < 0.5 { -1.0 } else { 1.0 };
-                let d = d + local.n.into_inner() * tilt;
+                let d = d + local.ng.into_inner() * tilt;
                 Ray::new(point.x - d * (size * r.between(0.05, 0.6)), d * speed)
             }
             1 => {
                 start.push(Anchor { shape, point });
                 let mut d = r.direction();
                 if r.unit() < 0.3 {
-                    d -= local.n.into_inner() * (d.dot(&local.n) * r.between(0.99, 1.0));
+                    d -= local.ng.into_inner() * (d.dot(&local.ng) * r.between(0.99, 1.0));
                 }
                 Ray::new(point.x, d * speed)
             }
@@ -442,6 +560,17 @@ pub fn scenes(seed: u64, scale: f64, shift: Vector3) -> Vec<(&'static str, Scene
             ),
         ),
         ("mesh", many(&mut |r, m| Surface::Mesh(bumpy_ball(r, 8, m)), true)),
+        (
+            "smooth mesh",
+            // Gently uneven: no edge turns by the 60° of a crease, which the slow search knows not.
+            many(
+                &mut |_, m| {
+                    let uneven = Transform::scaling(Vector3::new(1.0, 0.8, 0.6)).unwrap();
+                    Surface::Mesh(smooth_ball(12, &m.after(&uneven)))
+                },
+                false,
+            ),
+        ),
         ("cube", many(&mut |_, m| Surface::Mesh(Mesh::cube(*m, false).unwrap()), true)),
     ]
 }

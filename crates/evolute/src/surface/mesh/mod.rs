@@ -1,20 +1,42 @@
 //! Triangle meshes.
 
+mod patch;
+
+pub(crate) use patch::{Patch, PatchRoot};
+
 use super::plane::{contact_tolerance, grown_for_rounding};
 use super::{Jet, LocalGeometry, SurfaceError, SurfacePoint};
-use crate::geometry::{Aabb, Matrix3, Point3, Transform, UnitVector3, Vector3};
+use crate::geometry::{
+    Aabb, Matrix2, Matrix3, Point3, Ray, Transform, UnitVector3, Vector2, Vector3,
+};
+use arrayvec::ArrayVec;
+
+/// What the vertex normals of a mesh do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum MeshSmoothing {
+    /// They bend each facet to a smooth quadratic patch, on which rays meet the mesh. Reflections in
+    /// 5,000 facets of a sphere are then 1e-4 off the sphere's, not 7 %.
+    #[default]
+    Patch,
+    /// They turn the normal only: the surface is its flat facets (Mitsuba 3's convention).
+    Facets,
+}
 
 /// A triangle mesh in world space, with or without vertex normals and texture coordinates.
 ///
 /// The front of a facet is the side from which its vertices run counter-clockwise; with vertex
 /// normals it is the side of the interpolated normal. Triangles without area are kept in the
-/// numbering and never met.
+/// numbering and never met. With vertex normals and [`MeshSmoothing::Patch`], the default, positions are
+/// those of smooth patches over the facets; edges whose normals differ by more than 60°, or are those of
+/// a flat face, stay straight, and a mesh of such edges only stays faceted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
     positions: Vec<Point3>,
     triangles: Vec<[u32; 3]>,
     normals: Option<Vec<Vector3>>,
     texcoords: Option<Vec<[f64; 2]>>,
+    /// One a triangle, if the mesh is smooth.
+    patches: Vec<Patch>,
     bounds: Aabb,
     area: f64,
 }
@@ -65,16 +87,90 @@ impl Mesh {
         if let Some(i) = texcoords.iter().flatten().position(|c| !c.iter().all(|c| c.is_finite())) {
             return not_finite(format!("the texture coordinate of vertex {i}"));
         }
+        let (patches, bounds) = (Vec::new(), Aabb::EMPTY);
         let mut mesh =
-            Self { positions, triangles, normals, texcoords, bounds: Aabb::EMPTY, area: 0.0 };
-        let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
-        mesh.bounds = grown_for_rounding(Aabb::around(mesh.triangles.iter().flat_map(corners)));
-        mesh.area =
-            (0..mesh.triangles.len() as u32).map(|t| 0.5 * mesh.area_vector(t).norm()).sum();
+            Self { positions, triangles, normals, texcoords, patches, bounds, area: 0.0 };
+        mesh.measure();
         if !(mesh.area > 0.0 && mesh.area.is_finite()) {
             return Err(SurfaceError::NoArea { shape: "mesh" });
         }
-        Ok(mesh)
+        Ok(mesh.with_smoothing(MeshSmoothing::default()))
+    }
+
+    /// The same mesh with its vertex normals used differently; without any, nothing changes.
+    #[must_use]
+    pub fn with_smoothing(mut self, smoothing: MeshSmoothing) -> Self {
+        self.patches = match smoothing {
+            MeshSmoothing::Facets => Vec::new(),
+            MeshSmoothing::Patch => {
+                let of = |t| Some(Patch::new(&self.corners(t), &self.corner_normals(t)?));
+                (0..self.triangles.len() as u32).map_while(of).collect()
+            }
+        };
+        if self.patches.iter().all(Patch::is_flat) {
+            self.patches = Vec::new();
+        }
+        self.measure();
+        self
+    }
+
+    /// What its vertex normals do: `Facets` if there are none, or none that bend an edge.
+    pub fn smoothing(&self) -> MeshSmoothing {
+        if self.patches.is_empty() { MeshSmoothing::Facets } else { MeshSmoothing::Patch }
+    }
+
+    /// Whether its triangles are curved patches.
+    pub fn is_smooth(&self) -> bool {
+        !self.patches.is_empty()
+    }
+
+    /// Sets bounds and area.
+    fn measure(&mut self) {
+        let triangles = 0..self.triangles.len() as u32;
+        let boxes = triangles.clone().map(|t| self.triangle_bounds(t));
+        self.bounds = grown_for_rounding(boxes.fold(Aabb::EMPTY, |a, b| a.union(&b)));
+        self.area = triangles
+            .map(|t| match self.patch(t) {
+                Some(patch) => patch.area(),
+                None => 0.5 * self.area_vector(t).norm(),
+            })
+            .sum();
+    }
+
+    /// The patch over a triangle, if the mesh is smooth.
+    pub(crate) fn patch(&self, triangle: u32) -> Option<&Patch> {
+        self.patches.get(triangle as usize)
+    }
+
+    /// Unit normals at a triangle's corners, if the mesh has them; zero where one has no direction.
+    fn corner_normals(&self, triangle: u32) -> Option<[Vector3; 3]> {
+        let normals = self.normals.as_ref()?;
+        Some(self.triangles[triangle as usize].map(|v| {
+            let n = normals[v as usize];
+            n.try_normalize(0.0).unwrap_or(n)
+        }))
+    }
+
+    /// A box around a triangle, or the patch over it [m].
+    pub fn triangle_bounds(&self, triangle: u32) -> Aabb {
+        match self.patch(triangle) {
+            Some(patch) => patch.bounds(),
+            None => Aabb::around(self.corners(triangle)),
+        }
+    }
+
+    /// Points whose hull contains a triangle: its corners, or the six control points of the patch
+    /// over it [m].
+    pub fn hull(&self, triangle: u32) -> ArrayVec<Point3, 6> {
+        match self.patch(triangle) {
+            Some(patch) => patch.control_points().into(),
+            None => self.corners(triangle).into_iter().collect(),
+        }
+    }
+
+    /// The points at which the ray's line meets the patch over a triangle of a smooth mesh.
+    pub(crate) fn patch_roots(&self, triangle: u32, ray: &Ray) -> ArrayVec<PatchRoot, 4> {
+        self.patch(triangle).map(|p| p.roots(ray)).unwrap_or_default()
     }
 
     /// The cube [−1, 1]³ under `world_from_object`, facing outward, or inward with `flip_normals`;
@@ -128,8 +224,25 @@ impl Mesh {
 
     /// The point with the weights `p` and `q` of a triangle's second and third vertex.
     pub fn at(&self, triangle: u32, p: f64, q: f64) -> SurfacePoint {
-        let [a, b, c] = self.corners(triangle);
-        SurfacePoint { primitive: triangle, p, q, x: a + (b - a) * p + (c - a) * q }
+        let x = match self.patch(triangle) {
+            Some(patch) => patch.at(p, q),
+            None => {
+                let [a, b, c] = self.corners(triangle);
+                a + (b - a) * p + (c - a) * q
+            }
+        };
+        SurfacePoint { primitive: triangle, p, q, x }
+    }
+
+    /// ∂x/∂p and ∂x/∂q at a point: by the weights of the second and third corner [m].
+    pub fn tangents(&self, point: &SurfacePoint) -> [Vector3; 2] {
+        match self.patch(point.primitive) {
+            Some(patch) => patch.tangents(point.p, point.q),
+            None => {
+                let [a, b, c] = self.corners(point.primitive);
+                [b - a, c - a]
+            }
+        }
     }
 
     /// Texture coordinates of a triangle's vertices: the mesh's, or (0, 0), (1, 0), (0, 1) where it
@@ -168,16 +281,26 @@ impl Mesh {
 
     /// Derivatives by texture coordinates, at a point; `None` where they have no area.
     pub fn jet_at(&self, point: &SurfacePoint) -> Option<Jet> {
-        let [a, b, c] = self.corners(point.primitive);
         let [ta, tb, tc] = self.triangle_texcoords(point.primitive);
-        let (bu, bv) = (tb[0] - ta[0], tb[1] - ta[1]);
-        let (cu, cv) = (tc[0] - ta[0], tc[1] - ta[1]);
-        let area = bu * cv - bv * cu;
-        let xu = ((b - a) * cv - (c - a) * bv) / area;
-        let xv = ((c - a) * bu - (b - a) * cu) / area;
-        let zero = Vector3::zeros();
-        let jet = Jet { x: point.x, xu, xv, xuu: zero, xuv: zero, xvv: zero };
-        (xu.iter().chain(xv.iter()).all(|c| c.is_finite())).then_some(jet)
+        // (u, v) is linear in (p, q); the inverse of that map.
+        let uv = Matrix2::new(tb[0] - ta[0], tc[0] - ta[0], tb[1] - ta[1], tc[1] - ta[1]);
+        let inverse = uv.try_inverse().filter(|m| m.iter().all(|c| c.is_finite()))?;
+        let (by_u, by_v): (Vector2, Vector2) =
+            (inverse.column(0).into_owned(), inverse.column(1).into_owned());
+        let [xp, xq] = self.tangents(point);
+        let [xpp, xpq, xqq] =
+            self.patch(point.primitive).map_or([Vector3::zeros(); 3], Patch::second_derivatives);
+        let second = |a: Vector2, b: Vector2| {
+            xpp * (a.x * b.x) + xpq * (a.x * b.y + a.y * b.x) + xqq * (a.y * b.y)
+        };
+        Some(Jet {
+            x: point.x,
+            xu: xp * by_u.x + xq * by_u.y,
+            xv: xp * by_v.x + xq * by_v.y,
+            xuu: second(by_u, by_u),
+            xuv: second(by_u, by_v),
+            xvv: second(by_v, by_v),
+        })
     }
 
     /// Texture coordinates.
@@ -188,36 +311,45 @@ impl Mesh {
     }
 
     /// Geometry at a point: the normal interpolated between vertex normals, if there are any, and its
-    /// derivative along the facet; else the facet's own. `None` on a triangle without area.
+    /// derivative along the surface; else the facet's own. `None` on a triangle without area.
     pub fn local(&self, point: &SurfacePoint) -> Option<LocalGeometry> {
-        let across = self.area_vector(point.primitive);
-        let facet =
-            UnitVector3::try_new(across, 0.0).filter(|n| n.iter().all(|c| c.is_finite()))?;
-        let flat = LocalGeometry { x: point.x, n: facet, ng: facet, dn_dx: Matrix3::zeros() };
-        let Some(normals) = &self.normals else { return Some(flat) };
-        let [na, nb, nc] = self.triangles[point.primitive as usize].map(|v| {
-            let n = normals[v as usize];
-            n.try_normalize(0.0).unwrap_or(n)
-        });
-        let m = na + (nb - na) * point.p + (nc - na) * point.q;
+        let [xp, xq] = self.tangents(point);
+        let across = xp.cross(&xq);
+        let own = UnitVector3::try_new(across, 0.0).filter(|n| n.iter().all(|c| c.is_finite()))?;
+        let flat = LocalGeometry { x: point.x, n: own, ng: own, dn_dx: Matrix3::zeros() };
+        let Some([na, nb, nc]) = self.corner_normals(point.primitive) else { return Some(flat) };
+        let (np, nq) = (nb - na, nc - na);
+        let m = na + np * point.p + nq * point.q;
         // Vertex normals that cancel say nothing: the facet's own then.
         let Some(n) = UnitVector3::try_new(m, 0.0) else { return Some(flat) };
-        let [a, b, c] = self.corners(point.primitive);
         let squared = across.norm_squared();
-        let p_of = (c - a).cross(&across) / squared;
-        let q_of = across.cross(&(b - a)) / squared;
-        let dm = (nb - na) * p_of.transpose() + (nc - na) * q_of.transpose();
+        let p_of = xq.cross(&across) / squared;
+        let q_of = across.cross(&xp) / squared;
+        let dm = np * p_of.transpose() + nq * q_of.transpose();
         let tangential = Matrix3::identity() - n.into_inner() * n.transpose();
         Some(LocalGeometry {
             x: point.x,
             n,
-            ng: if facet.dot(&n) < 0.0 { -facet } else { facet },
+            ng: if own.dot(&n) < 0.0 { -own } else { own },
             dn_dx: tangential * dm / m.norm(),
         })
     }
 
-    /// The nearest point of a triangle (Ericson, "Real-Time Collision Detection", 5.1.5).
+    /// The nearest point of a triangle; on a patch, exact for points on it and to first order in the
+    /// distance for others.
     pub fn nearest_on(&self, triangle: u32, x: &Point3) -> SurfacePoint {
+        let flat = self.nearest_on_facet(triangle, x);
+        match self.patch(triangle) {
+            Some(patch) => {
+                let (p, q) = patch.nearest(x, flat.p, flat.q);
+                self.at(triangle, p, q)
+            }
+            None => flat,
+        }
+    }
+
+    /// The nearest point of a facet (Ericson, "Real-Time Collision Detection", 5.1.5), by weights.
+    fn nearest_on_facet(&self, triangle: u32, x: &Point3) -> SurfacePoint {
         let [a, b, c] = self.corners(triangle);
         let (ab, ac, ax) = (b - a, c - a, x - a);
         let (d1, d2) = (ab.dot(&ax), ac.dot(&ax));
@@ -254,8 +386,12 @@ impl Mesh {
 
     /// The surface point at `x` on a triangle, if `x` lies on it to within [`contact_tolerance`].
     pub fn locate_on(&self, triangle: u32, x: &Point3) -> Option<SurfacePoint> {
+        let tolerance = contact_tolerance(x, &self.bounds);
+        if !self.triangle_bounds(triangle).grown(tolerance).contains(x) {
+            return None;
+        }
         let point = self.nearest_on(triangle, x);
-        ((point.x - x).norm() <= contact_tolerance(x, &self.bounds)).then_some(point)
+        ((point.x - x).norm() <= tolerance).then_some(point)
     }
 
     /// The surface point at `x` on the first triangle on which `x` lies to within
@@ -277,7 +413,7 @@ impl Mesh {
         self.area
     }
 
-    /// Least distance from `x` [m]; looks at every triangle.
+    /// Least distance from `x` [m]; looks at every triangle. On patches to first order in the distance.
     pub fn distance(&self, x: &Point3) -> f64 {
         (0..self.triangles.len() as u32)
             .map(|t| (self.nearest_on(t, x).x - x).norm_squared())
