@@ -6,7 +6,7 @@ use evolute::geometry::{Matrix2, Point3, Rgb, UnitVector3, Vector3, math, tangen
 use evolute::optics::{
     Chain, FactorLaw, Interaction, Vertex, Wavefront, reflect_direction, refract_direction,
 };
-use evolute::surface::{LocalGeometry, Mesh, SurfacePoint};
+use evolute::surface::{LocalGeometry, Mesh, MeshSmoothing, SurfacePoint};
 use std::f64::consts::{PI, TAU};
 
 /// An ellipsoid of `segments` around and half as many from pole to pole, with the ellipsoid's own
@@ -36,7 +36,9 @@ fn ellipsoid(axes: Vector3, segments: u32) -> Mesh {
             }
         }
     }
-    Mesh::new(positions, triangles, Some(normals), None).unwrap()
+    let mesh = Mesh::new(positions, triangles, Some(normals), None).unwrap();
+    // Rays meet the planes of the facets below.
+    mesh.with_smoothing(MeshSmoothing::Facets)
 }
 
 /// Where a ray meets the plane of a facet, with the normal that its vertices give there.
