@@ -6,6 +6,7 @@
 //! smooth in the angle of incidence up to the limb (a sphere: sin i = sin(πa/2) and the azimuth; a
 //! cylinder: sin ψ = (R/ρ) sin i).
 
+use super::extension::{Facet, facet_of, is_faceted};
 use crate::geometry::{Point3, Vector3, tangent_frame};
 use crate::optics::{Dual, DualVector};
 use crate::surface::{Cylinder, Mesh, Parametric, Sphere, Surface, SurfacePoint};
@@ -23,6 +24,8 @@ pub struct Domain<'s> {
 enum Kind<'s> {
     /// Centre and half edges; a, b ∈ [0, 1] over [−1, 1]².
     Parallelogram { centre: Vector3, edges: [Vector3; 2], normal: Vector3 },
+    /// A facet of a mesh that is a parallelogram.
+    Facet { mesh: &'s Mesh, facet: Facet, normal: Vector3 },
     /// Centre and two radii; a is the radius, b the azimuth.
     Ellipse { centre: Vector3, radii: [Vector3; 2], normal: Vector3 },
     /// A triangle of a mesh, collapsed towards its second vertex.
@@ -116,7 +119,14 @@ impl<'s> Domain<'s> {
             Surface::Parametric(p) => vec![with(Kind::Parameters { surface: p })],
             Surface::Mesh(m) => (0..m.triangles().len() as u32)
                 .filter(|&t| m.area_vector(t).dot(&(receiver - m.corners(t)[0])).abs() > 0.0)
-                .map(|triangle| with(Kind::Triangle { mesh: m, triangle }))
+                .filter_map(|triangle| {
+                    let facet = facet_of(m, triangle);
+                    if !(is_faceted(m) && facet.quad) {
+                        return Some(with(Kind::Triangle { mesh: m, triangle }));
+                    }
+                    let normal = m.area_vector(triangle).try_normalize(0.0)?;
+                    (facet.id == triangle).then(|| with(Kind::Facet { mesh: m, facet, normal }))
+                })
                 .collect(),
         }
     }
@@ -125,6 +135,7 @@ impl<'s> Domain<'s> {
     pub fn primitive(&self) -> u32 {
         match self.kind {
             Kind::Triangle { triangle, .. } => triangle,
+            Kind::Facet { facet, .. } => facet.id,
             _ => 0,
         }
     }
@@ -144,6 +155,12 @@ impl<'s> Domain<'s> {
             b: v[0] * f[0].b + v[1] * f[1].b,
         };
         match &self.kind {
+            Kind::Facet { mesh, facet, normal } => {
+                let x = combine(&facet.origin.coords, &facet.edges, [a, b]);
+                let area = DualVector::constant(facet.edges[0].cross(&facet.edges[1]));
+                let point = facet.point(mesh, Point3::from(x.v));
+                self.finish_with(x, area, DualVector::constant(*normal), point)
+            }
             Kind::Parallelogram { centre, edges, normal } => {
                 let (p, q) = (a * 2.0 + -1.0, b * 2.0 + -1.0);
                 let x = combine(centre, edges, [p, q]);

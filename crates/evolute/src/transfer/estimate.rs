@@ -4,12 +4,17 @@
 //! by that residual both ways, plus the weight's residual over the part that is lit. It is an
 //! estimate, not a bound: a feature between samples is unseen.
 
+use arrayvec::ArrayVec;
+
 use super::boundary::{Border, border};
+use super::chain::MAX_CHAIN_EDGES;
 use super::field::{FieldSample, Sight};
-use super::interpolant::{Corners, Interpolant, Light};
+use super::interpolant::{Corners, Interpolant, Light, is_dark};
+use super::polynomial::Patch;
 use super::quadrature::{LAST_LEVEL, Quadrature, Term};
-use super::word::{GRID_BITS, GridPoint};
+use super::word::{GRID_BITS, GridPoint, WordId};
 use crate::geometry::Rgb;
+use crate::optics::Dual;
 
 /// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
 /// rays to the corners and the centre meets it.
@@ -74,6 +79,11 @@ impl Quadrature<'_, '_> {
         let &Place { term, level, .. } = place;
         let first = self.first[term];
         let h = place.size();
+        if let Term::Through(word, _) = self.terms[term] {
+            if self.outside_before(word, place) {
+                return Estimate::DARK;
+            }
+        }
         let numbers = place.corners().map(|point| self.sample(term, point));
         let light = match &self.terms[term] {
             Term::Direct(_, radiance) => Light { radiance: *radiance, channels: 1 },
@@ -120,6 +130,31 @@ impl Quadrature<'_, '_> {
             return Estimate::DARK;
         }
         self.with_sights(place, interpolant, sights, middle, tolerance)
+    }
+
+    /// Whether the cell lies outside the borders of the word before the last letter: then no chain of
+    /// the word need be traced.
+    fn outside_before(&mut self, word: WordId, place: &Place) -> bool {
+        let Some(parent) = self.words.parent(word) else { return false };
+        let mut corners: [ArrayVec<Dual, MAX_CHAIN_EDGES>; 4] = Default::default();
+        for (edges, at) in corners.iter_mut().zip(place.corners()) {
+            match self.words.departure(parent, at) {
+                Some(departure) => *edges = departure.edges.clone(),
+                None => return false,
+            }
+        }
+        let count = corners.iter().map(|c| c.len()).min().unwrap_or(0);
+        (0..count).any(|k| {
+            // Most borders are far from most cells; the margin is only worked out for the others.
+            corners.iter().all(|c| c[k].v < 0.0) && {
+                let patch = Patch::hermite(
+                    &std::array::from_fn(|c| corners[c][k]),
+                    place.size(),
+                    place.size(),
+                );
+                is_dark(&patch, 1)
+            }
+        })
     }
 
     /// The worth of an interpolated cell under what sampling alone sees: occluders, chains that do

@@ -29,6 +29,63 @@ pub fn is_faceted(mesh: &Mesh) -> bool {
     mesh.normals().is_none() && mesh.triangles().len() <= 64
 }
 
+/// A flat piece of a faceted mesh: a triangle, or two that make a parallelogram.
+#[derive(Clone, Copy, Debug)]
+pub struct Facet {
+    /// Its triangle, or the first of its two.
+    pub id: u32,
+    /// One corner [m].
+    pub origin: Point3,
+    /// Edges from there [m].
+    pub edges: [Vector3; 2],
+    /// Whether it is a parallelogram.
+    pub quad: bool,
+}
+
+impl Facet {
+    /// The point as the mesh knows it: on the triangle that it lies on, or whose plane it lies in.
+    pub fn point(&self, mesh: &Mesh, x: Point3) -> SurfacePoint {
+        let (p, q) = barycentric(&self.edges[0], &self.edges[1], &(x - self.origin));
+        // The origin is the corner that the second triangle does not have.
+        let primitive = if self.quad && p + q > 1.0 { self.id + 1 } else { self.id };
+        let [v0, v1, v2] = mesh.corners(primitive);
+        let (p, q) = barycentric(&(v1 - v0), &(v2 - v0), &(x - v0));
+        SurfacePoint { primitive, p, q, x }
+    }
+}
+
+/// The facet that a triangle of a faceted mesh belongs to. Files and shapes write the two triangles
+/// of a quadrilateral one after the other, so that only the partner by number is looked at.
+pub fn facet_of(mesh: &Mesh, triangle: u32) -> Facet {
+    let own = mesh.corners(triangle);
+    let alone = Facet {
+        id: triangle,
+        origin: own[0],
+        edges: [own[1] - own[0], own[2] - own[0]],
+        quad: false,
+    };
+    let partner = triangle ^ 1;
+    if partner as usize >= mesh.triangles().len() {
+        return alone;
+    }
+    let id = triangle.min(partner);
+    let (first, second) = (mesh.corners(id), mesh.corners(id + 1));
+    let apex = |own: &[Point3; 3], other: &[Point3; 3]| {
+        let mut free = own.iter().copied().filter(|p| !other.contains(p));
+        free.next().filter(|_| free.next().is_none())
+    };
+    let (Some(p), Some(q)) = (apex(&first, &second), apex(&second, &first)) else { return alone };
+    let mut shared = first.iter().copied().filter(|c| *c != p);
+    let (Some(u), Some(v)) = (shared.next(), shared.next()) else { return alone };
+    let (e1, e2) = (u - p, v - p);
+    // Corners of one quadrilateral differ by rounding alone.
+    let gap = (q - p) - (e1 + e2);
+    if gap.norm() > 1e-12 * (e1.norm() + e2.norm() + p.coords.norm()) {
+        return alone;
+    }
+    Facet { id, origin: p, edges: [e1, e2], quad: true }
+}
+
 /// Where the family meets `surface` coming from its front or back.
 ///
 /// `real` is the tracer's nearest hit if it is on this surface (and primitive) and side; `same` says
@@ -80,14 +137,12 @@ pub fn meet(
             (t, SurfacePoint { primitive: 0, p: s, q, x: p.position(s, q) })
         }
         Surface::Mesh(m) => {
-            let triangle = primitive?;
-            let [v0, v1, v2] = m.corners(triangle);
-            let normal = m.area_vector(triangle);
+            let facet = facet_of(m, primitive?);
+            let [e1, e2] = facet.edges;
+            let normal = e1.cross(&e2);
             let along = central.direction.dot(&normal);
-            let t = (v0 - origin).dot(&normal) / along;
-            let x = central.at(t);
-            let (p, q) = barycentric(&(v1 - v0), &(v2 - v0), &(x - v0));
-            (t, SurfacePoint { primitive: triangle, p, q, x })
+            let t = (facet.origin - origin).dot(&normal) / along;
+            (t, facet.point(m, central.at(t)))
         }
     };
     if !(t > 0.0 && t.is_finite()) {
@@ -158,14 +213,20 @@ fn apertures(
         }
         Surface::Mesh(m) => {
             if let Some(triangle) = primitive {
-                let [v0, v1, v2] = m.corners(triangle);
-                let (e1, e2) = (v1 - v0, v2 - v0);
+                let facet = facet_of(m, triangle);
+                let [e1, e2] = facet.edges;
+                let (p, q) = barycentric(&e1, &e2, &(x.v - facet.origin.coords));
                 let (pa, qa) = barycentric(&e1, &e2, &x.a);
                 let (pb, qb) = barycentric(&e1, &e2, &x.b);
-                let (p, q) = (Dual::new(point.p, pa, pb), Dual::new(point.q, qa, qb));
-                list.push(p);
-                list.push(q);
-                list.push((p + q) * -1.0 + 1.0);
+                let (p, q) = (Dual::new(p, pa, pb), Dual::new(q, qa, qb));
+                if facet.quad {
+                    list.push(p * (p * -1.0 + 1.0));
+                    list.push(q * (q * -1.0 + 1.0));
+                } else {
+                    list.push(p);
+                    list.push(q);
+                    list.push((p + q) * -1.0 + 1.0);
+                }
             }
         }
     }

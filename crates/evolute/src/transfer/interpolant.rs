@@ -67,8 +67,7 @@ impl Interpolant {
         let mut edges = Edges::new();
         for k in 0..count {
             let patch = hermite(corners, h, |s| s.edges[k]);
-            let margin = DARK_MARGIN * (1 + missing) as f64 * patch.plane().0;
-            if patch.bounds().1 < -margin {
+            if is_dark(&patch, 1 + missing) {
                 return None;
             }
             edges.push(patch);
@@ -188,6 +187,12 @@ impl Interpolant {
         }
         best.1
     }
+}
+
+/// Whether an edge function is negative all over a cell, with a margin for how much it bends, times
+/// `caution`.
+pub fn is_dark(edge: &Patch, caution: usize) -> bool {
+    edge.bounds().1 < -DARK_MARGIN * caution as f64 * edge.plane().0
 }
 
 /// An upper estimate of the area that a constraint's zero sweeps when it is shifted, as a part of the

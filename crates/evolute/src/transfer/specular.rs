@@ -28,7 +28,7 @@ const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 /// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
 const MAX_SUSPECTS: usize = 64;
 /// Most words a receiver follows; what is beyond is added to the error.
-const MAX_WORDS: usize = 4096;
+const MAX_WORDS: usize = 512;
 
 impl<'s> Transfer<'s> {
     pub(super) fn gather(
@@ -64,12 +64,15 @@ impl<'s> Transfer<'s> {
             {
                 break;
             }
-            if quadrature.cell_count() >= self.settings.max_cells {
+            // When no further word may be followed, what was left out stays, and finer cells do not
+            // help beyond their own share.
+            let stuck = left.followed >= MAX_WORDS && quadrature.error() <= allowed;
+            if stuck || quadrature.cell_count() >= self.settings.max_cells {
                 met = false;
                 break;
             }
             // What was left out competes with the cells.
-            if left.worst() > quadrature.worst() {
+            if left.followed < MAX_WORDS && left.worst() > quadrature.worst() {
                 if let Some(word) = left.take_worst() {
                     self.enter(&mut quadrature, word, &mut left, |q| tolerance(q, &closed));
                 }
@@ -177,6 +180,7 @@ impl<'s> Transfer<'s> {
                 let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
                 if small || dim || left.followed >= MAX_WORDS {
                     left.words.push(LeftWord { word, error: bound, throughput });
+                    quadrature.words.forget(word);
                     continue;
                 }
                 next.extend(self.add_word(quadrature, word, throughput, left, &tolerance));
@@ -193,10 +197,6 @@ impl<'s> Transfer<'s> {
         left: &mut Left,
         tolerance: impl Fn(&Quadrature<'_, '_>) -> f64,
     ) {
-        if left.followed >= MAX_WORDS {
-            left.lost += out.error;
-            return;
-        }
         let next = self.add_word(quadrature, out.word, out.throughput, left, &tolerance);
         self.follow(quadrature, next, left, tolerance);
     }
@@ -245,14 +245,12 @@ struct LeftWord {
 #[derive(Default)]
 struct Left {
     words: Vec<LeftWord>,
-    /// Worth of what can no longer be followed.
-    lost: f64,
     followed: usize,
 }
 
 impl Left {
     fn error(&self) -> f64 {
-        self.lost + self.words.iter().map(|w| w.error).sum::<f64>()
+        self.words.iter().map(|w| w.error).sum::<f64>()
     }
 
     fn worst(&self) -> f64 {
@@ -291,11 +289,15 @@ struct Look {
 fn look(words: &mut Words<'_>, word: WordId) -> Look {
     let mut look = Look { passed: 0.0, offered: 0.0, reaches: false };
     let mut count = 0.0;
+    let parent = words.parent(word);
     for at in grid(COARSE_LEVEL) {
         count += 1.0;
+        // Where the word before is not, this one is not either.
+        if parent.is_some_and(|parent| !words.is_legal(parent, at)) {
+            continue;
+        }
         let Some(departure) = words.departure(word, at) else { continue };
-        let legal = departure.edges.iter().all(|e| e.v >= 0.0);
-        if departure.visible == Visibility::Free && legal {
+        if departure.visible == Visibility::Free && departure.edges.iter().all(|e| e.v >= 0.0) {
             let throughput = departure.throughput.iter().fold(0f64, |m, t| m.max(t.v));
             let weight = departure.weight.v.max(0.0);
             // Whatever follows cannot add radiance but for leaving the medium again.

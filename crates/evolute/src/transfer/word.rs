@@ -8,7 +8,7 @@ use arrayvec::ArrayVec;
 
 use super::chain::{Arrival, Departure, Step, Visibility, depart, events};
 use super::domain::Domain;
-use super::extension::{is_faceted, meet};
+use super::extension::{facet_of, is_faceted, meet};
 use super::settings::{Counts, Receiver};
 use crate::geometry::Ray;
 use crate::optics::{Dual, DualRay};
@@ -189,6 +189,25 @@ impl<'s> Words<'s> {
         WordId(self.words.len() as u32 - 1)
     }
 
+    /// The word before the last letter.
+    pub fn parent(&self, word: WordId) -> Option<WordId> {
+        match self.words[word.0 as usize].source {
+            Source::First(_) => None,
+            Source::After(parent) => Some(parent),
+        }
+    }
+
+    /// Whether the word's chain exists at a grid point, is free, and inside all borders.
+    pub fn is_legal(&mut self, word: WordId, at: GridPoint) -> bool {
+        self.departure(word, at)
+            .is_some_and(|d| d.visible == Visibility::Free && d.edges.iter().all(|e| e.v >= 0.0))
+    }
+
+    /// Forgets a word's departures; they are traced again when they are asked for.
+    pub fn forget(&mut self, word: WordId) {
+        self.words[word.0 as usize].departures = HashMap::default();
+    }
+
     /// Interactions of a word.
     pub fn depth(&self, word: WordId) -> u32 {
         self.words[word.0 as usize].depth
@@ -355,7 +374,7 @@ impl<'s> Words<'s> {
 /// The triangle, if each triangle of the surface is a mirror of its own.
 fn facet(surface: &Surface, anchor: &Anchor) -> Option<u32> {
     match surface {
-        Surface::Mesh(m) if is_faceted(m) => Some(anchor.point.primitive),
+        Surface::Mesh(m) if is_faceted(m) => Some(facet_of(m, anchor.point.primitive).id),
         _ => None,
     }
 }
