@@ -9,5 +9,6 @@ mod common;
 mod cases;
 mod direct;
 mod known;
+mod maps;
 mod polygon;
 mod threads;

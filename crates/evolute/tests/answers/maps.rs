@@ -1,0 +1,297 @@
+//! Maps of irradiance made by other programs: cell means by light tracing, points by stratified
+//! quadrature.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use crate::cases;
+use crate::common::{SPECULAR, receiver};
+use evolute::geometry::Point3;
+use evolute::scene::Scene;
+use evolute::surface::Surface;
+use evolute::trace::Tracer;
+use evolute::transfer::{Event, Transfer, TransferSettings};
+
+/// Specular irradiance of one receiver, whole and by word.
+type Light = Vec<(String, f64)>;
+
+/// A floor of 64 × 64 cells whose means are wanted.
+struct Floor<'s> {
+    scene: &'s Scene,
+    transfer: Transfer<'s>,
+    /// World position of (u, v) and the normal.
+    centre: Point3,
+    half: [[f64; 3]; 2],
+    normal: [f64; 3],
+}
+
+/// Cells a side.
+const N: u32 = 64;
+/// Points lie on a grid of this many steps a cell.
+const FINE: u32 = 64;
+
+impl<'s> Floor<'s> {
+    fn new(scene: &'s Scene, tracer: &'s Tracer<'s>, settings: TransferSettings) -> Self {
+        let shape = scene.shapes.iter().find(|s| s.id == "floor").unwrap();
+        let Surface::Rectangle(r) = &shape.surface else { panic!("the floor is a rectangle") };
+        Self {
+            scene,
+            transfer: Transfer::new(scene, tracer, settings),
+            centre: r.centre(),
+            half: r.half_edges().map(|h| [h.x, h.y, h.z]),
+            normal: r.normal().into_inner().into(),
+        }
+    }
+
+    /// Position at grid point (i, j) of N · FINE steps a side.
+    fn position(&self, i: u32, j: u32) -> [f64; 3] {
+        let to = |k: u32| 2.0 * f64::from(k) / f64::from(N * FINE) - 1.0;
+        let (p, q) = (to(i), to(j));
+        std::array::from_fn(|k| self.centre[k] + p * self.half[0][k] + q * self.half[1][k])
+    }
+
+    fn light(&self, i: u32, j: u32) -> Light {
+        let at = receiver(self.position(i, j), self.normal);
+        let (_, words) = self.transfer.light_by_word(&at, SPECULAR);
+        let mut light = Light::new();
+        for share in words {
+            let name: Vec<String> = share
+                .letters
+                .iter()
+                .map(|(shape, event)| {
+                    let id = &self.scene.shape(*shape).id;
+                    let event = if *event == Event::Reflect { "R" } else { "T" };
+                    format!("{id} {event}")
+                })
+                .collect();
+            add(&mut light, &name.join(", "), share.irradiance[1]);
+        }
+        light
+    }
+}
+
+fn add(light: &mut Light, name: &str, value: f64) {
+    match light.iter_mut().find(|(n, _)| n == name) {
+        Some((_, sum)) => *sum += value,
+        None => light.push((name.to_string(), value)),
+    }
+}
+
+fn total(light: &Light) -> f64 {
+    light.iter().map(|(_, v)| v).sum()
+}
+
+/// A square piece of a cell, `size` grid steps a side.
+#[derive(Clone, Copy)]
+struct Piece {
+    cell: usize,
+    i: u32,
+    j: u32,
+    size: u32,
+}
+
+/// Cell means to about `tolerance[cell]`, no number where the tolerance is `None`; points used.
+///
+/// A piece is worth 2/3 of its centre and 1/3 of its corners (exact for cubics) and is divided while
+/// that differs from the centre alone by more than its share.
+fn cell_means(floor: &Floor<'_>, tolerance: &[Option<f64>]) -> (Vec<Light>, usize) {
+    let mut points: BTreeMap<(u32, u32), Light> = BTreeMap::new();
+    let mut means = vec![Light::new(); tolerance.len()];
+    let mut pieces: Vec<Piece> = (0..tolerance.len())
+        .filter(|&cell| tolerance[cell].is_some())
+        .map(|cell| Piece {
+            cell,
+            i: cell as u32 % N * FINE,
+            j: cell as u32 / N * FINE,
+            size: FINE,
+        })
+        .collect();
+    while !pieces.is_empty() {
+        let mut wanted: Vec<(u32, u32)> =
+            pieces.iter().flat_map(|p| p.points()).filter(|at| !points.contains_key(at)).collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        points.par_extend(wanted.into_par_iter().map(|(i, j)| ((i, j), floor.light(i, j))));
+        let mut next = Vec::new();
+        for p in pieces {
+            let at = p.points();
+            let centre = &points[&at[4]];
+            let corners: f64 = at[..4].iter().map(|at| 0.25 * total(&points[at])).sum();
+            let share = f64::from(p.size) / f64::from(FINE);
+            let off = (corners - total(centre)).abs() / 3.0 * share;
+            if p.size > 2 && tolerance[p.cell].is_some_and(|t| off > t) {
+                let h = p.size / 2;
+                for (di, dj) in [(0, 0), (h, 0), (0, h), (h, h)] {
+                    next.push(Piece { i: p.i + di, j: p.j + dj, size: h, ..p });
+                }
+                continue;
+            }
+            for (k, at) in at.iter().enumerate() {
+                let weight = if k == 4 { 2.0 / 3.0 } else { 1.0 / 12.0 };
+                for (name, value) in &points[at] {
+                    add(&mut means[p.cell], name, weight * share * share * value);
+                }
+            }
+        }
+        pieces = next;
+    }
+    (means, points.len())
+}
+
+impl Piece {
+    /// Corners and centre.
+    fn points(&self) -> [(u32, u32); 5] {
+        let (i, j, s) = (self.i, self.j, self.size);
+        [(i, j), (i + s, j), (i, j + s), (i + s, j + s), (i + s / 2, j + s / 2)]
+    }
+}
+
+/// Compares the cell means of a case with `floor.csv`, one cell in `stride` in both directions; cells
+/// for which `leave_out` holds (given their corners) are not compared.
+fn compare(case: &str, stride: u32, leave_out: impl Fn(&[[f64; 3]; 4]) -> bool) {
+    let scene = cases::load(case, &[]);
+    let tracer = Tracer::new(&scene);
+    let reference = cases::table(case, "floor.csv");
+    assert_eq!(reference.len(), (N * N) as usize);
+    // A particle brings the same to any cell: se = sqrt(k) of it where k came, E = k of it.
+    let mut particles: Vec<f64> =
+        reference.iter().filter(|r| r[3] > 0.0).map(|r| r[4] * r[4] / r[3]).collect();
+    particles.sort_by(f64::total_cmp);
+    let particle = particles[particles.len() / 2];
+    // Half a particle is far below what the reference resolves.
+    let settings = TransferSettings { absolute: 0.5 * particle, ..cases::settings(&scene, 1e-3) };
+    let floor = Floor::new(&scene, &tracer, settings);
+    let tolerance: Vec<Option<f64>> = reference
+        .iter()
+        .map(|r| {
+            let (i, j) = (r[0] as u32 * FINE, r[1] as u32 * FINE);
+            let corners = [(0, 0), (FINE, 0), (0, FINE), (FINE, FINE)]
+                .map(|(di, dj)| floor.position(i + di, j + dj));
+            let wanted = [r[0], r[1]].iter().all(|k| *k as u32 % stride == stride / 2);
+            (wanted && !leave_out(&corners)).then_some(if r[4] > 0.0 {
+                0.1 * r[4]
+            } else {
+                particle
+            })
+        })
+        .collect();
+    let started = std::time::Instant::now();
+    let (means, points) = cell_means(&floor, &tolerance);
+    println!("{case}: {points} receivers in {:.1} s", started.elapsed().as_secs_f64());
+    let (mut ours, mut theirs, mut variance) = (0.0, 0.0, 0.0);
+    let (mut squares, mut counted, mut lit, mut worst) = (0.0, 0.0, 0, 0f64);
+    let mut too_bright = Vec::new();
+    let mut words = Light::new();
+    for ((mean, r), t) in means.iter().zip(&reference).zip(&tolerance) {
+        if t.is_none() {
+            continue;
+        }
+        let e = total(mean);
+        ours += e;
+        theirs += r[3];
+        variance += r[4] * r[4];
+        for (name, value) in mean {
+            add(&mut words, name, *value);
+        }
+        if r[4] > 0.0 {
+            let z = (e - r[3]) / r[4];
+            squares += z * z;
+            lit += 1;
+            worst = worst.max(z.abs());
+            // Few particles tell little of their own spread: what our mean lets expect, instead.
+            counted += (e - r[3]).powi(2) / (e * particle).max(f64::MIN_POSITIVE);
+        } else if e > 5.0 * particle {
+            too_bright.push((r[0], r[1], e / particle));
+        }
+    }
+    let se = variance.sqrt();
+    let rms = (squares / f64::from(lit)).sqrt();
+    let rms_counted = (counted / f64::from(lit)).sqrt();
+    println!(
+        "  sum over cells {ours:.4}, reference {theirs:.4} ± {se:.4}: {:+.2} standard errors ({:+.3} %)",
+        (ours - theirs) / se,
+        100.0 * (ours / theirs - 1.0)
+    );
+    println!(
+        "  z over {lit} cells with a standard error: rms {rms:.3}, worst {worst:.1}; by the count of particles that we expect: rms {rms_counted:.3}"
+    );
+    println!(
+        "  cells without: {} brighter than five particles of {particle:.1e}",
+        too_bright.len()
+    );
+    words.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (name, value) in &words {
+        println!("  {:8.4} %  {name}", 100.0 * value / ours);
+    }
+    assert!((ours - theirs).abs() <= 3.0 * se);
+    // z² has mean 1 and its mean over n cells a standard deviation of about sqrt(2/n): rms z, half.
+    assert!((rms_counted - 1.0).abs() < 0.02 + 3.0 * (0.5 / f64::from(lit)).sqrt());
+    assert!(too_bright.is_empty(), "{too_bright:?}");
+}
+
+/// Whether the ring of radius 0.7 m crosses the cell with these corners.
+fn straddled(corners: &[[f64; 3]; 4]) -> bool {
+    let inside = corners.iter().filter(|c| c[0] * c[0] + c[2] * c[2] < 0.49).count();
+    // A circle may also bulge into a cell without reaching a corner.
+    let nearest = [0, 2].map(|k| {
+        let (low, high) =
+            corners.iter().fold((f64::MAX, f64::MIN), |(l, h), c| (l.min(c[k]), h.max(c[k])));
+        if low <= 0.0 && high >= 0.0 { 0.0 } else { low.abs().min(high.abs()) }
+    });
+    let near = nearest[0] * nearest[0] + nearest[1] * nearest[1] < 0.49;
+    inside < 4 && near
+}
+
+/// One cell in 16; all cells: the ignored test below.
+#[test]
+fn glass_ball() {
+    compare("glass_ball", 4, |_| false);
+}
+
+/// One cell in 16 of those that the ring does not straddle.
+#[test]
+fn mirror_ring_small() {
+    compare("mirror_ring_small", 4, straddled);
+}
+
+#[test]
+#[ignore = "all cells take minutes"]
+fn glass_ball_all_cells() {
+    compare("glass_ball", 1, |_| false);
+}
+
+#[test]
+#[ignore = "all cells take minutes"]
+fn mirror_ring_small_all_cells() {
+    compare("mirror_ring_small", 1, straddled);
+}
+
+/// All texel centres of the wave scene at `-a 1e-3`, against a reference with a noise of 3e-4.
+#[test]
+fn wave_s20() {
+    let scene = cases::load("wave", &[]);
+    let tracer = Tracer::new(&scene);
+    let transfer = Transfer::new(&scene, &tracer, cases::settings(&scene, 1e-3));
+    let reference = cases::table("wave", "wave_s20.csv");
+    let started = std::time::Instant::now();
+    let lights: Vec<_> = reference
+        .par_iter()
+        .map(|r| transfer.light(&receiver([r[0], -100.0, r[1]], [0.0, 1.0, 0.0]), SPECULAR))
+        .collect();
+    let chains: u64 = lights.iter().map(|l| l.counts.chains).sum();
+    let gaps: Vec<f64> =
+        lights.iter().zip(&reference).map(|(l, r)| l.specular[1] / r[2] - 1.0).collect();
+    let rms = (gaps.iter().map(|g| g * g).sum::<f64>() / gaps.len() as f64).sqrt();
+    let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+    let worst = gaps.iter().fold(0f64, |m, g| m.max(g.abs()));
+    println!(
+        "wave_s20: {} receivers in {:.1} s, {:.0} chains each; relative difference rms {rms:.2e}, mean {mean:.1e}, worst {worst:.1e}",
+        lights.len(),
+        started.elapsed().as_secs_f64(),
+        chains as f64 / lights.len() as f64
+    );
+    assert!(lights.iter().all(|l| l.met));
+    assert!(rms < 3.5e-4);
+    assert!(mean.abs() < 5e-5);
+}
