@@ -178,11 +178,16 @@ impl<'s> Domain<'s> {
             Kind::Triangle { mesh, triangle } => {
                 // Weights of the second and third vertex: a (1 − b) and b.
                 let (p, q) = (a * (b * -1.0 + 1.0), b);
-                let [v0, v1, v2] = mesh.corners(*triangle);
-                let x = combine(&v0.coords, &[v1 - v0, v2 - v0], [p, q]);
-                let area = DualVector::constant(mesh.area_vector(*triangle)).scaled(b * -1.0 + 1.0);
-                let point =
-                    SurfacePoint { primitive: *triangle, p: p.v, q: q.v, x: Point3::from(x.v) };
+                let point = mesh.at(*triangle, p.v, q.v);
+                let [xp, xq] = mesh.tangents(&point);
+                let [xpp, xpq, xqq] = mesh.second_derivatives(*triangle);
+                let along = |u: &Vector3, v: &Vector3| (u * p.a + v * q.a, u * p.b + v * q.b);
+                let (xa, xb) = along(&xp, &xq);
+                let x = DualVector::new(point.x.coords, xa, xb);
+                let (ua, ub) = along(&xpp, &xpq);
+                let (va, vb) = along(&xpq, &xqq);
+                let (u, v) = (DualVector::new(xp, ua, ub), DualVector::new(xq, va, vb));
+                let area = u.cross(&v).scaled(b * -1.0 + 1.0);
                 let local = mesh.local(&point)?;
                 let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
                 self.finish_with(x, area, n, point)

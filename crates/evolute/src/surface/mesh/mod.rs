@@ -274,6 +274,12 @@ impl Mesh {
             .find_map(|t| self.weights(t, u, v).map(|(p, q)| self.at(t, p, q)))
     }
 
+    /// Second derivatives of a triangle by its barycentric weights: ∂²x/∂p², ∂²x/∂p∂q, ∂²x/∂q²; zero
+    /// where it is flat [m].
+    pub fn second_derivatives(&self, triangle: u32) -> [Vector3; 3] {
+        self.patch(triangle).map_or([Vector3::zeros(); 3], Patch::second_derivatives)
+    }
+
     /// Derivatives by texture coordinates.
     pub fn jet(&self, u: f64, v: f64) -> Option<Jet> {
         self.jet_at(&self.point(u, v)?)
@@ -288,8 +294,7 @@ impl Mesh {
         let (by_u, by_v): (Vector2, Vector2) =
             (inverse.column(0).into_owned(), inverse.column(1).into_owned());
         let [xp, xq] = self.tangents(point);
-        let [xpp, xpq, xqq] =
-            self.patch(point.primitive).map_or([Vector3::zeros(); 3], Patch::second_derivatives);
+        let [xpp, xpq, xqq] = self.second_derivatives(point.primitive);
         let second = |a: Vector2, b: Vector2| {
             xpp * (a.x * b.x) + xpq * (a.x * b.y + a.y * b.x) + xqq * (a.y * b.y)
         };
