@@ -4,7 +4,8 @@
 
 use evolute::formula::Formula;
 use evolute::geometry::{Aabb, Point3, Ray, Transform, Vector3};
-use evolute::surface::{Cell, Parametric, SurfaceError};
+use evolute::surface::{Cell, Parametric, Surface, SurfaceError};
+use evolute::trace::Tracer;
 
 const WAVE: [&str; 3] = ["100*(s-0.5)", "-5*cos(3*pi*(s-0.5))*cos(3*pi*(t-0.5))", "100*(0.5-t)"];
 const SADDLE: [&str; 3] = ["2*s-1", "2*t-1", "0.8*((2*s-1)^2-(2*t-1)^2)"];
@@ -389,61 +390,53 @@ fn cpu_ns() -> f64 {
     text.split(' ').next().and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
 }
 
+/// Nearest hits through the tracer, one thread: rays from a sphere around the surface to random points
+/// of its box.
 #[test]
 #[ignore = "a timing, run by hand"]
+#[expect(clippy::print_stderr, reason = "the figures of a run by hand")]
 fn timing() {
-    for (name, f) in [
-        ("wave", WAVE),
-        ("saddle", SADDLE),
-        ("monkey", MONKEY),
-        ("sphere", SPHERE),
-        ("torus", TORUS),
-        ("dish", DISH),
-        ("corner", CORNER),
-    ] {
-        let t0 = std::time::Instant::now();
+    use evolute::scene::{Material, Scene, Shape, SideMaterial};
+    for (name, f) in SURFACES {
+        if std::env::var("ONLY").is_ok_and(|only| only != name) {
+            continue;
+        }
+        let start = cpu_ns();
         let p = surface(f, Transform::identity());
-        let build = t0.elapsed();
-        let b = p.bounds();
+        let build = cpu_ns() - start;
+        let (b, leaves) = (p.bounds(), p.leaf_count());
+        let black = SideMaterial::default();
+        let shape = Shape {
+            id: name.into(),
+            surface: Surface::Parametric(p.clone()),
+            material: Material { front: black, back: black, dielectric: None },
+            radiance: Default::default(),
+        };
+        let scene =
+            Scene { name: name.into(), shapes: vec![shape], sensors: vec![], max_depth: None };
+        let tracer = Tracer::new(&scene);
         let mut r = Random(1);
-        let n = 200_000;
-        let rays: Vec<Ray> = (0..n)
+        let count = std::env::var("COUNT").map_or(400_000, |c| c.parse().unwrap());
+        let rays: Vec<Ray> = (0..count)
             .map(|_| {
-                let o = b.centre() + r.direction() * (p.size());
-                let q =
-                    b.min + b.extent().component_mul(&Vector3::new(r.unit(), r.unit(), r.unit()));
-                Ray::new(o, q - o)
+                let o = b.centre() + r.direction() * p.size();
+                let at = Vector3::new(r.unit(), r.unit(), r.unit());
+                Ray::new(o, b.min + b.extent().component_mul(&at) - o)
             })
             .collect();
-        let t0 = cpu_ns();
-        let mut hits = 0;
-        let mut worst = 0f64;
-        for ray in &rays {
-            if let Some((tau, s, t)) = p.intersect(ray, 0.0, f64::INFINITY, None) {
-                hits += 1;
-                worst = worst.max((p.position(s, t) - ray.at(tau)).norm());
-            }
-        }
-        let dt = cpu_ns() - t0;
-        let t0 = std::time::Instant::now();
+        let start = cpu_ns();
+        let hits = rays.iter().filter(|r| tracer.nearest(r, f64::INFINITY, &[]).is_some()).count();
+        let each = (cpu_ns() - start) / f64::from(count);
+        let start = cpu_ns();
         let mut sum = 0.0;
-        for i in 0..n {
-            sum += p.position(f64::from(i) / f64::from(n), 0.3).x;
+        for ray in &rays {
+            sum += p.jet(ray.origin.x.fract().abs(), ray.origin.y.fract().abs()).xuu.x;
         }
-        let d1 = t0.elapsed();
-        let t0 = std::time::Instant::now();
-        for i in 0..n {
-            sum += p.jet(f64::from(i) / f64::from(n), 0.3).xuu.x;
-        }
-        let d2 = t0.elapsed();
+        let jet = (cpu_ns() - start) / f64::from(count);
         eprintln!(
-            "{name}: {} leaves in {build:?}; {:.0} ns a ray, {hits} of {n} hit, residual {worst:.1e} of {:.1}; position {:.0} ns, jet {:.0} ns {}",
-            p.leaf_count(),
-            dt / f64::from(n),
-            p.size(),
-            d1.as_secs_f64() / f64::from(n) * 1e9,
-            d2.as_secs_f64() / f64::from(n) * 1e9,
-            sum > 0.0,
+            "{name}: {leaves} leaves in {:.0} ms, {each:.0} ns a ray, {:.0} % hit, {jet:.0} ns a jet ({sum:.0})",
+            build * 1e-6,
+            hits as f64 / f64::from(count) * 100.0
         );
     }
 }

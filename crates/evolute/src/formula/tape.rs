@@ -78,27 +78,22 @@ impl Tape {
     pub fn evaluate<T: Scalar, const N: usize>(&self, inputs: &[T]) -> [T; N] {
         // Small scratch first: it has to be filled, and most tapes are short.
         match self.registers {
-            0..=8 => self.outputs_of(&self.run::<T, 8>(inputs)),
-            9..=24 => self.outputs_of(&self.run::<T, 24>(inputs)),
-            25..=128 => self.outputs_of(&self.run::<T, 128>(inputs)),
-            _ => self.outputs_of(&self.run::<T, MAX_LIVE_VALUES>(inputs)),
+            0..=8 => self.run::<T, 8, N>(inputs),
+            9..=24 => self.run::<T, 24, N>(inputs),
+            25..=128 => self.run::<T, 128, N>(inputs),
+            _ => self.run::<T, MAX_LIVE_VALUES, N>(inputs),
         }
     }
 
-    fn outputs_of<T: Scalar, const N: usize>(&self, registers: &[T]) -> [T; N] {
-        let zero = T::constant(0.0);
-        std::array::from_fn(|i| {
-            self.outputs.get(i).and_then(|r| registers.get(*r as usize)).copied().unwrap_or(zero)
-        })
-    }
-
-    #[inline]
-    fn run<T: Scalar, const R: usize>(&self, inputs: &[T]) -> [T; R] {
+    fn run<T: Scalar, const R: usize, const N: usize>(&self, inputs: &[T]) -> [T; N] {
         let mut r = [T::constant(0.0); R];
         for step in &self.steps {
             self.step(step, inputs, &mut r);
         }
-        r
+        std::array::from_fn(|i| {
+            let register = self.outputs.get(i).and_then(|k| r.get(*k as usize));
+            register.copied().unwrap_or_else(|| T::constant(0.0))
+        })
     }
 
     #[inline(always)]

@@ -8,9 +8,10 @@ use super::patch::{Cell, Patch};
 use crate::geometry::Aabb;
 use crate::surface::SurfaceError;
 
-/// Share of hitting rays that may be left to splitting on the fly. A split costs some twenty times an
-/// undivided leaf, so that at a hundredth the two are about level in cost.
-const UNDECIDED_SHARE: f64 = 0.01;
+/// Share of hitting rays that may be left to splitting on the fly. A ray that splits costs some ten
+/// that do not; at a fiftieth that is a fifth of the whole, and more leaves would cost as much in
+/// memory that is not in the cache.
+const UNDECIDED_SHARE: f64 = 0.02;
 
 /// Most leaves: 16 MB of them. Rougher surfaces split more on the fly.
 const MAX_LEAVES: usize = 32_768;

@@ -82,22 +82,23 @@ const INHERITED: u8 = 4;
 /// direction of the normal they are much smaller than along the surface (near a pole by orders of
 /// magnitude), and a box of magnitudes would forget that.
 #[derive(Clone, Debug)]
+#[repr(C)] // what every ray reads comes first, in as few cache lines as possible
 pub(super) struct Patch {
-    pub cell: Cell,
-    /// At the centre.
-    pub jet: Jet,
     /// x_s × x_t at the centre.
     pub normal: Vector3,
     /// Dual basis of (x_s, x_t) in the tangent plane; not finite where that is singular.
     pub dual: [Vector3; 2],
-    /// Bounds of |x_ss − x_ss(c)|, |x_st − …|, |x_tt − …| on the widened cell.
-    second_error: [Vector3; 3],
-    /// Where these are not finite (at kinks): bounds of |x_s − x_s(c)|, |x_t − x_t(c)| there.
-    first_error: Option<[Vector3; 2]>,
-    /// For how many generations `second_error` has been taken over from the whole.
-    inherited: u8,
+    pub cell: Cell,
+    /// Bounds of |x_ss − x_ss(c)|, |x_st − …|, |x_tt − …| on the widened cell, each coordinate.
+    second_error: [f64; 3],
     /// Rounding error of computed positions [m].
     pub noise: f64,
+    /// At the centre.
+    pub jet: Jet,
+    /// Where second derivatives are not bounded (at kinks): bounds of |x_s − x_s(c)|, |x_t − x_t(c)|.
+    first_error: Option<Box<[Vector3; 2]>>,
+    /// For how many generations `second_error` has been taken over from the whole.
+    inherited: u8,
     pub bounds: Aabb,
 }
 
@@ -118,17 +119,16 @@ fn deviation(b: &[Interval; 3], centre: &Vector3) -> Vector3 {
     })
 }
 
-fn is_finite(v: &[Vector3]) -> bool {
-    v.iter().flatten().all(|x| x.is_finite())
-}
-
 impl Patch {
     /// The patch over a cell, bounded by second-order interval jets.
     pub fn new(evaluator: &Evaluator, cell: Cell) -> Self {
         let jet = evaluator.jet(cell.centre[0], cell.centre[1]);
         let b = evaluator.jet_box(cell.widened());
-        let second =
-            [deviation(&b.xss, &jet.xuu), deviation(&b.xst, &jet.xuv), deviation(&b.xtt, &jet.xvv)];
+        let second = [
+            deviation(&b.xss, &jet.xuu).amax(),
+            deviation(&b.xst, &jet.xuv).amax(),
+            deviation(&b.xtt, &jet.xvv).amax(),
+        ];
         let first = [deviation(&b.xs, &jet.xu), deviation(&b.xt, &jet.xv)];
         let point = Cell { centre: cell.centre, half: [0.0; 2] };
         // The width of an interval evaluation at one point is a bound of its rounding error.
@@ -138,8 +138,8 @@ impl Patch {
             .map(Interval::width)
             .fold(0.0, f64::max);
         let mut patch = Self::assembled(cell, jet, second, noise);
-        if !is_finite(&second) {
-            patch.first_error = Some(first);
+        if second.iter().any(|x| !x.is_finite()) {
+            patch.first_error = Some(Box::new(first));
         }
         let (lo, hi) = patch.taylor_box();
         // Both enclose the surface, and so does what they have in common.
@@ -162,15 +162,15 @@ impl Patch {
         let jet = evaluator.jet(cell.centre[0], cell.centre[1]);
         let [ss, st, tt] = self.second_error;
         let second = [
-            ss + (self.jet.xuu - jet.xuu).abs(),
-            st + (self.jet.xuv - jet.xuv).abs(),
-            tt + (self.jet.xvv - jet.xvv).abs(),
+            ss + (self.jet.xuu - jet.xuu).amax(),
+            st + (self.jet.xuv - jet.xuv).amax(),
+            tt + (self.jet.xvv - jet.xvv).amax(),
         ];
         let inherited = self.inherited + 1;
         Self { inherited, ..Self::assembled(cell, jet, second, self.noise) }
     }
 
-    fn assembled(cell: Cell, jet: Jet, second_error: [Vector3; 3], noise: f64) -> Self {
+    fn assembled(cell: Cell, jet: Jet, second_error: [f64; 3], noise: f64) -> Self {
         let normal = jet.area_vector();
         let squared = normal.norm_squared();
         let dual = [jet.xv.cross(&normal) / squared, normal.cross(&jet.xu) / squared];
@@ -192,16 +192,17 @@ impl Patch {
     #[inline]
     pub fn deviation(&self, row: &Vector3) -> Deviation {
         let [hs, ht] = self.cell.half.map(|h| h * (1.0 + OVERLAP));
-        let size = row.abs();
-        if let Some([s, t]) = &self.first_error {
+        if let Some(first) = &self.first_error {
             // The mean value theorem.
+            let ([s, t], size) = (&**first, row.abs());
             let slope = size.dot(s) * hs + size.dot(t) * ht;
             return Deviation { remainder: slope, slope };
         }
-        let [ss, st, tt] = &self.second_error;
-        let ss = row.dot(&self.jet.xuu).abs() + size.dot(ss);
-        let st = row.dot(&self.jet.xuv).abs() + size.dot(st);
-        let tt = row.dot(&self.jet.xvv).abs() + size.dot(tt);
+        let size = row.x.abs() + row.y.abs() + row.z.abs();
+        let [ss, st, tt] = self.second_error.map(|e| e * size);
+        let ss = row.dot(&self.jet.xuu).abs() + ss;
+        let st = row.dot(&self.jet.xuv).abs() + st;
+        let tt = row.dot(&self.jet.xvv).abs() + tt;
         // Taylor's formula: ½ x_ss ds² + x_st ds dt + ½ x_tt dt².
         let slope = (ss * hs + st * ht) * hs + (st * hs + tt * ht) * ht;
         Deviation { remainder: 0.5 * slope, slope }
@@ -213,12 +214,12 @@ impl Patch {
             return first[axis];
         }
         let [hs, ht] = self.cell.half.map(|h| h * (1.0 + OVERLAP));
-        let [ss, st, tt] = &self.second_error;
-        let (j, mixed) = (&self.jet, st + self.jet.xuv.abs());
+        let [ss, st, tt] = self.second_error;
+        let (j, mixed) = (&self.jet, self.jet.xuv.abs().add_scalar(st));
         if axis == 0 {
-            (ss + j.xuu.abs()) * hs + mixed * ht
+            j.xuu.abs().add_scalar(ss) * hs + mixed * ht
         } else {
-            mixed * hs + (tt + j.xvv.abs()) * ht
+            mixed * hs + j.xvv.abs().add_scalar(tt) * ht
         }
     }
 
@@ -278,11 +279,9 @@ impl Patch {
         if lt > 4.0 * ls {
             return 1;
         }
-        let [ss, _, tt] = &self.second_error;
-        let bend = [
-            (self.jet.xuu.norm() + ss.norm()) * h[0] * h[0],
-            (self.jet.xvv.norm() + tt.norm()) * h[1] * h[1],
-        ];
+        let [ss, _, tt] = self.second_error;
+        let bend =
+            [(self.jet.xuu.norm() + ss) * h[0] * h[0], (self.jet.xvv.norm() + tt) * h[1] * h[1]];
         let unlike = bend.iter().all(|b| b.is_finite()) && bend[0] != bend[1];
         let [a, b] = if unlike { bend } else { [ls, lt] };
         usize::from(b > a)
