@@ -672,6 +672,65 @@ fn seams_and_poles_are_left() {
     }
 }
 
+/// Between two points of a surface: nothing on a sphere's chords, however short or long, from pole to
+/// pole and along the seam; elsewhere what brute force finds.
+#[test]
+fn chords_meet_nothing_but_what_lies_between() {
+    for (name, f) in SURFACES {
+        for transform in [Transform::identity(), somewhere()] {
+            let p = surface(f, transform);
+            let brute = BruteForce::new(&p);
+            let mut r = Random(29);
+            let mut between = 0;
+            for k in 0..600 {
+                let (a, b) = loop {
+                    // From and to the border too; but the wave's borders at s = 0 and 1 are straight
+                    // lines, which chords run along.
+                    let side = |u: f64| if k % 5 == 0 && f != WAVE { u.round() } else { u };
+                    let a = (side(r.unit()), r.unit());
+                    let step = 10f64.powf(-5.0 * r.unit());
+                    let at = |x: f64, u: f64| (x + step * (2.0 * u - 1.0)).clamp(0.0, 1.0);
+                    let b = (at(a.0, r.unit()), side(at(a.1, r.unit())));
+                    if (p.position(a.0, a.1) - p.position(b.0, b.1)).norm() > 1e-6 * p.size() {
+                        break (a, b);
+                    }
+                };
+                let (x, y) = (p.position(a.0, a.1), p.position(b.0, b.1));
+                let ray = Ray::new(x, y - x);
+                let found = (0..p.leaf_count())
+                    .filter_map(|i| p.intersect_leaf_between(i, &ray, [0.0, 1.0], Some(a), Some(b)))
+                    .min_by(|a, b| a.0.total_cmp(&b.0));
+                // Roots nearer to an end than a thousandth are not told from it by brute force.
+                let inner = |tau: f64| tau > 1e-3 && tau < 1.0 - 1e-3;
+                let roots = brute.roots(&ray);
+                let first = roots.iter().filter(|q| inner(q.tau) && q.certain);
+                let first = first.map(|q| q.tau).min_by(f64::total_cmp);
+                // What it calls a tangent may be a root.
+                let tangent =
+                    |tau: f64| roots.iter().any(|q| !q.certain && (q.tau - tau).abs() < 1e-3);
+                between += u32::from(first.is_some());
+                let same = match (found, first) {
+                    (None, None) => true,
+                    // What lies nearer to an end counts if it is on the surface.
+                    (Some((tau, s, t)), first) => {
+                        let off = (p.position(s, t) - ray.at(tau)).norm() / p.size();
+                        off < 1e-12
+                            && (first.is_some_and(|q| (q - tau).abs() < 1e-6)
+                                || !inner(tau)
+                                || tangent(tau))
+                    }
+                    _ => false,
+                };
+                assert!(same, "{name} from {a:?} to {b:?}: {found:?}, brute force {first:?}");
+                assert!(f != SPHERE || found.is_none(), "from {a:?} to {b:?}: {found:?}");
+            }
+            // Lines meet quadrics twice.
+            let quadric = [SADDLE, SPHERE, DISH, CORNER].contains(&f);
+            assert_eq!(quadric, between == 0, "{name}: {between}");
+        }
+    }
+}
+
 /// Beyond the border chains go on over the extended surface.
 #[test]
 fn extended_hits_go_on_beyond_the_border() {

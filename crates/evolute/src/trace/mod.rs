@@ -450,10 +450,10 @@ impl<'s> Tracer<'s> {
             }
             Surface::Mesh(m) => meet_patch(m, shape, primitive, ray, t_max, ends),
             Surface::Parametric(s) => {
-                let leaving = start.map(|a| (a.point.p, a.point.q));
-                let near_end = |t| ends.near_end(t, t_max, |x| s.locate(x).is_some());
-                s.intersect_leaf(primitive as usize, ray, 0.0, t_max, leaving)
-                    .filter(|&(t, ..)| !near_end(t))
+                let parameters = |a: &Anchor| (a.point.p, a.point.q);
+                let (leaving, arriving) = (start.map(parameters), end.map(parameters));
+                s.intersect_leaf_between(primitive as usize, ray, [0.0, t_max], leaving, arriving)
+                    .filter(|&(t, ..)| counts(t))
                     .map(|(t, p, q)| (t, s.point(p, q)))
             }
         }

@@ -20,6 +20,7 @@
 use arrayvec::ArrayVec;
 
 use super::Parametric;
+use super::newton::newton_step;
 use super::patch::{Cell, OVERLAP, Patch};
 use crate::geometry::{Aabb, Point3, Ray, Vector3};
 
@@ -31,13 +32,13 @@ const BORDER: f64 = 1e-13;
 /// some thousand; the limit keeps pathological surfaces (a kink along the ray) from running away.
 const MAX_PARTS: u32 = 10_000;
 
-/// Within this of the start [sizes of the surface] a nearly tangent ray's second root is computed from
-/// the second-order expansion at the start: further away ordinary certificates hold (they need
+/// Within this of an end [sizes of the surface] a nearly tangent ray's second root is computed from the
+/// second-order expansion at that end: further away ordinary certificates hold (they need
 /// tangent angles above some 10⁻⁷), nearer they drown in rounding.
-const NEAR_START: f64 = 1e-4;
+pub(super) const NEAR_END: f64 = 1e-4;
 
 /// Distance between ray and surface up to which a root is one [sizes of the surface].
-const RESIDUAL: f64 = 1e-12;
+pub(super) const RESIDUAL: f64 = 1e-12;
 
 /// What a patch says to a ray.
 enum Verdict {
@@ -49,40 +50,45 @@ enum Verdict {
 }
 
 /// A proof that a patch holds at most one root, and where that may be.
-struct Certificate {
-    /// First guess [parameters, from the centre].
-    guess: [f64; 2],
-    /// The root's rounding error [parameters].
-    blur: [f64; 2],
-    /// How far beyond the cell it is accepted [parameters].
-    border: [f64; 2],
-    /// ‖M E‖.
-    contraction: f64,
-    /// The same for τ: how much E may change it over the cell.
-    tau_slope: f64,
-}
-
-/// A ray, and what is known of its start.
-struct Query<'r> {
-    ray: &'r Ray,
-    /// 1/|w|².
-    inverse_square: f64,
-    /// Size of the origin's coordinates [m], for rounding errors.
-    reach: f64,
-    t_min: f64,
-    t_max: f64,
-    /// Where on the surface the ray starts, if it does and the leaf is near.
-    start: Option<Start>,
-}
-
-/// A start on the surface.
 #[derive(Clone, Copy)]
-struct Start {
+pub(super) struct Certificate {
+    /// First guess [parameters, from the centre].
+    pub guess: [f64; 2],
+    /// The root's rounding error [parameters].
+    pub blur: [f64; 2],
+    /// How far beyond the cell it is accepted [parameters].
+    pub border: [f64; 2],
+    /// ‖M E‖.
+    pub contraction: f64,
+    /// The same for τ: how much E may change it over the cell.
+    pub tau_slope: f64,
+}
+
+/// A ray, and what is known of its ends.
+pub(super) struct Query<'r> {
+    pub ray: &'r Ray,
+    /// 1/|w|².
+    pub inverse_square: f64,
+    /// Size of the origin's coordinates [m], for rounding errors.
+    pub reach: f64,
+    pub t_min: f64,
+    pub t_max: f64,
+    /// Ends of the ray that lie on the surface, if the leaf is near them: roots not to be reported.
+    pub ends: &'r [End],
+}
+
+/// An end of a ray that lies on the surface.
+#[derive(Clone, Copy)]
+pub(super) struct End {
     /// (s, t).
-    p: [f64; 2],
+    pub p: [f64; 2],
+    /// Position [m].
+    pub x: Point3,
+    /// The ray parameter there.
+    pub tau: f64,
     /// The parameter (0: s, 1: t) that may be changed without leaving the point, if there is one: the
-    /// start is a pole.
-    idle: Option<usize>,
+    /// end is a pole.
+    pub idle: Option<usize>,
 }
 
 impl Parametric {
@@ -114,18 +120,35 @@ impl Parametric {
         t_max: f64,
         leaving: Option<(f64, f64)>,
     ) -> Option<(f64, f64, f64)> {
+        self.intersect_leaf_between(leaf, ray, [t_min, t_max], leaving, None)
+    }
+
+    /// As [`Parametric::intersect_leaf`], with `arriving` the parameters of the surface's point at
+    /// τ = t_max, if the ray ends on this surface: that root is not reported either. What is found then
+    /// lies between the ends.
+    pub fn intersect_leaf_between(
+        &self,
+        leaf: usize,
+        ray: &Ray,
+        [t_min, t_max]: [f64; 2],
+        leaving: Option<(f64, f64)>,
+        arriving: Option<(f64, f64)>,
+    ) -> Option<(f64, f64, f64)> {
         let patch = self.leaves.patches.get(leaf)?;
         let mut moved = *ray;
-        let mut start = None;
-        if let Some((s, t)) = leaving {
-            // Far from the start nothing special happens. Near it the ray starts exactly on the
-            // surface: the caller's point may be off by more than our rounding.
-            if patch.bounds.grown(NEAR_START * self.size).contains(&ray.origin) {
-                let (x, xs, xt) = self.evaluator.jet1(s, t);
-                moved.origin = x;
-                let still = |v: &Vector3| v.norm() <= 16.0 * f64::EPSILON * self.size;
-                let idle = if still(&xs) { Some(0) } else { still(&xt).then_some(1) };
-                start = Some(Start { p: [s, t], idle });
+        let mut ends = ArrayVec::<End, 2>::new();
+        if leaving.is_some() || arriving.is_some() {
+            // Far from an end nothing special happens. Near it the ray passes exactly through the
+            // surface's point: the caller's may be off by more than our rounding.
+            let near = patch.bounds.grown(NEAR_END * self.size);
+            if let Some(p) = leaving.filter(|_| near.contains(&ray.origin)) {
+                ends.push(self.end(p, 0.0));
+                moved.origin = ends[0].x;
+            }
+            if let Some(p) = arriving.filter(|_| near.contains(&ray.at(t_max))) {
+                let end = self.end(p, t_max);
+                moved.direction = (end.x - moved.origin) / t_max;
+                ends.push(end);
             }
         }
         let query = Query {
@@ -134,13 +157,20 @@ impl Parametric {
             reach: moved.origin.coords.amax(),
             t_min,
             t_max,
-            start,
+            ends: &ends,
         };
         match query.verdict(patch) {
             Verdict::Miss => None,
             Verdict::One(certificate) => query.single(self, patch, &certificate),
             Verdict::Open => query.divided(self, patch),
         }
+    }
+
+    fn end(&self, (s, t): (f64, f64), tau: f64) -> End {
+        let (x, xs, xt) = self.evaluator.jet1(s, t);
+        let still = |v: &Vector3| v.norm() <= 16.0 * f64::EPSILON * self.size;
+        let idle = if still(&xs) { Some(0) } else { still(&xt).then_some(1) };
+        End { p: [s, t], x, tau, idle }
     }
 
     /// Where the ray's line meets the surface continued beyond [0, 1]², by Newton's iteration from
@@ -217,25 +247,10 @@ fn meets(b: &Aabb, origin: &Point3, inverse: &Vector3, t_min: f64, t_max: f64) -
     near <= far + 4.0 * f64::EPSILON * far.abs()
 }
 
-/// The step ((ds, dt), dτ) that takes the residual `r` = ray − surface to zero to first order.
-fn newton_step(
-    r: &Vector3,
-    xs: &Vector3,
-    xt: &Vector3,
-    direction: &Vector3,
-) -> Option<([f64; 2], f64)> {
-    let n = xs.cross(xt);
-    let dtau = -n.dot(r) / n.dot(direction);
-    let p = r + direction * dtau;
-    let inverse = 1.0 / n.norm_squared();
-    let (ds, dt) = (p.cross(xt).dot(&n) * inverse, xs.cross(&p).dot(&n) * inverse);
-    (ds.is_finite() && dt.is_finite() && dtau.is_finite()).then_some(([ds, dt], dtau))
-}
-
 impl Query<'_> {
     /// Rounding error of positions relative to the ray, near a patch [m]: of the formulas, and a few
     /// units in the last place of the coordinates.
-    fn noise(&self, patch: &Patch) -> f64 {
+    pub(super) fn noise(&self, patch: &Patch) -> f64 {
         patch.noise + 8.0 * f64::EPSILON * (self.reach + patch.jet.x.coords.amax())
     }
 
@@ -283,136 +298,27 @@ impl Query<'_> {
         }
     }
 
-    /// The only root of a patch, if it is there, in range, and not the start.
+    /// The only root of a patch, if it is there, in range, and no end of the ray.
     fn single(
         &self,
         surface: &Parametric,
         patch: &Patch,
         certificate: &Certificate,
     ) -> Option<(f64, f64, f64)> {
-        if self.start.is_some_and(|start| patch.cell.contains(start.p, 1.0 + OVERLAP)) {
-            return None; // the one root is the start
+        if self.ends.iter().any(|end| patch.cell.contains(end.p, 1.0 + OVERLAP)) {
+            return None; // the one root is the end
         }
         let (tau, [s, t], row) = self.newton(surface, patch, certificate)?;
         if !(tau > self.t_min && tau <= self.t_max) {
             return None;
         }
-        if self.start.is_some() {
-            // Where the surface passes through the start once more (a seam, a pole), the start is
-            // recognised by its position, to within the rounding error of τ.
-            if tau.abs() <= 4.0 * row * self.noise(patch) {
-                return None;
-            }
+        // Where the surface passes through the end once more (a seam, a pole), the end is recognised by
+        // its position, to within the rounding error of τ.
+        let doubt = 4.0 * row * self.noise(patch);
+        if self.ends.iter().any(|end| (tau - end.tau).abs() <= doubt) {
+            return None;
         }
         Some((tau, s, t))
-    }
-
-    /// Newton's iteration in a cell that holds at most one root: τ, parameters, and the sum of the
-    /// row n/(n·w) that takes errors of positions to errors of τ.
-    fn newton(
-        &self,
-        surface: &Parametric,
-        patch: &Patch,
-        certificate: &Certificate,
-    ) -> Option<(f64, [f64; 2], f64)> {
-        let Certificate { guess, blur, border, contraction, tau_slope } = *certificate;
-        let (o, w) = (&self.ray.origin, &self.ray.direction);
-        let (c, h) = (patch.cell.centre, patch.cell.half);
-        let j = &patch.jet;
-        // Second order from the centre: saves a step.
-        let d = [0, 1].map(|k: usize| guess[k].clamp(-h[k], h[k]));
-        let bend = (j.xuu * (d[0] * d[0]) + j.xvv * (d[1] * d[1])) * 0.5 + j.xuv * (d[0] * d[1]);
-        let inverse = 1.0 / patch.normal.dot(w);
-        let bend = bend - w * (patch.normal.dot(&bend) * inverse);
-        let mut p: [f64; 2] = std::array::from_fn(|k| {
-            c[k] + (guess[k] - patch.dual[k].dot(&bend)).clamp(-h[k], h[k])
-        });
-        // The root is within `contraction`/(1 − `contraction`) of a simplified step, in units of that
-        // step; below ½ that is less than one.
-        let doubt = contraction / (1.0 - contraction);
-        for count in 0..64 {
-            let (x, xs, xt) = surface.evaluator.jet1(p[0], p[1]);
-            let along = (x - o).dot(w) * self.inverse_square;
-            let r = o + w * along - x;
-            // The step with the derivatives at the centre: slower, but in the cell it halves the error
-            // at least, and 50 of them leave nothing.
-            let simple = || {
-                let dtau = -patch.normal.dot(&r) * inverse;
-                let q = r + w * dtau;
-                ([0, 1].map(|k: usize| patch.dual[k].dot(&q)), dtau)
-            };
-            // Newton's own steps have nearly always ended after three.
-            let newton = count < 12;
-            let (step, dtau) = if newton { newton_step(&r, &xs, &xt, w)? } else { simple() };
-            let size = (step[0].abs() / h[0]).max(step[1].abs() / h[1]);
-            let inside = (0..2).all(|k| (p[k] + step[k] - c[k]).abs() <= h[k] + border[k]);
-            // Quadratic convergence: the next error is below the contraction times the square of this
-            // step, and that of τ below its slope times the same. 10⁻¹⁵ of a cell or of τ is nothing, and little
-            // is gained below the bound of the rounding error: a few steps are tried, for the error
-            // itself is mostly smaller.
-            let next = size * size;
-            let rounded = count >= 4 && (0..2).all(|k| step[k].abs() <= blur[k]);
-            let last = (newton
-                && (contraction * next <= 1e-15 || rounded)
-                && tau_slope * next <= 1e-15 * (along.abs() + tau_slope))
-                || (!newton && rounded);
-            if last || !inside {
-                if last && inside {
-                    let at = |k: usize| {
-                        let q = p[k] + step[k];
-                        // What the border lets through beyond the domain is rounding.
-                        if c[k] - h[k] >= 0.0 && c[k] + h[k] <= 1.0 { q.clamp(0.0, 1.0) } else { q }
-                    };
-                    let n = xs.cross(&xt);
-                    let row = n.abs().sum() / n.dot(w).abs();
-                    return Some((along + dtau, [at(0), at(1)], row));
-                }
-                // Outside by more than the simplified step's error: proved that there is no root.
-                let (simple, _) = simple();
-                let length = (simple[0].abs() / h[0]).max(simple[1].abs() / h[1]);
-                let out = |k: usize| {
-                    let beyond = (p[k] + simple[k] - c[k]).abs() - h[k] - border[k];
-                    beyond > doubt * length * h[k]
-                };
-                if out(0) || out(1) || last {
-                    return None;
-                }
-            }
-            p = [0, 1].map(|k: usize| c[k] + (p[k] + step[k] - c[k]).clamp(-h[k], h[k]));
-        }
-        None
-    }
-
-    /// Whether the patch touches the pole from which the ray starts, and provably holds no other root:
-    /// if x does not change with s at t = t0, then x − start = (t − t0) ξ with ξ among the values of
-    /// x_t over the patch, and the ray has to run through their box.
-    fn departs(&self, surface: &Parametric, patch: &Patch) -> bool {
-        let Some(Start { p, idle: Some(idle) }) = self.start else { return false };
-        let k = 1 - idle;
-        let (c, h) = (&patch.cell.centre, &patch.cell.half);
-        // On which side of the pole the patch lies; it must not lie on both.
-        let side = c[k] - p[k];
-        if side.abs() > h[k] * (1.0 + OVERLAP) || side.abs() < h[k] * (1.0 - OVERLAP) {
-            return false;
-        }
-        // The pole must be one all along the patch: the same point at both ends and in the middle.
-        let one_point = [-1.0, 0.0, 1.0].iter().all(|a| {
-            let mut q = p;
-            q[idle] = c[idle] + a * h[idle];
-            (surface.position(q[0], q[1]) - self.ray.origin).norm() <= 2.0 * self.noise(patch)
-        });
-        let velocity = if k == 0 { patch.jet.xu } else { patch.jet.xv };
-        let (middle, error) = (velocity * side.signum(), patch.velocity_error(k));
-        // A slab test: origin 0, direction w, box middle ± error.
-        let (mut near, mut far) = (0f64, f64::INFINITY);
-        for i in 0..3 {
-            let (w, e) = (self.ray.direction[i], error[i]);
-            let (a, b) = ((middle[i] - e) / w, (middle[i] + e) / w);
-            // NaN cuts nothing.
-            near = if a.min(b) > near { a.min(b) } else { near };
-            far = if a.max(b) < far { a.max(b) } else { far };
-        }
-        one_point && near > far * (1.0 + 8.0 * f64::EPSILON)
     }
 
     /// Splits until every part is decided.
@@ -440,11 +346,15 @@ impl Query<'_> {
                 Verdict::One(certificate) => query.single(surface, &patch, &certificate),
                 Verdict::Open if query.departs(surface, &patch) => None,
                 Verdict::Open => {
-                    let flat = patch.is_flat(query.noise(&patch));
-                    if flat || parts > MAX_PARTS || waiting.remaining_capacity() < 2 {
+                    let axis = query.split_axis(&patch);
+                    if patch.is_flat(query.noise(&patch))
+                        || !patch.cell.is_divisible(axis)
+                        || parts > MAX_PARTS
+                        || waiting.remaining_capacity() < 2
+                    {
                         query.at_rounding(surface, &patch)
                     } else {
-                        for cell in patch.cell.split(patch.split_axis()) {
+                        for cell in patch.cell.split(axis) {
                             waiting.push(patch.part(&surface.evaluator, cell));
                         }
                         None
@@ -454,94 +364,5 @@ impl Query<'_> {
             nearest = found.or(nearest);
         }
         nearest
-    }
-
-    /// A patch that is flat, or a point, to within rounding, and still undecided: the ray is tangent,
-    /// or the parametrisation singular.
-    fn at_rounding(&self, surface: &Parametric, patch: &Patch) -> Option<(f64, f64, f64)> {
-        let extent = patch.extent();
-        if let Some(start) = self.start {
-            let x = self.ray.origin;
-            if (patch.jet.x - x).norm() <= NEAR_START * surface.size + extent {
-                return self.second_root(surface, patch, start.p);
-            }
-        }
-        let slope = patch.normal.dot(&self.ray.direction)
-            / (patch.normal.norm() * self.ray.direction.norm());
-        if extent > NEAR_START * surface.size && slope.abs() * extent <= 8.0 * self.noise(patch) {
-            return None; // a plane, and the ray in it or parallel to it
-        }
-        // The point of the patch nearest to the ray: least squares, then by turns to stay in the cell.
-        // That closes in slowly along a common direction of both, but there any point will do.
-        let w = &self.ray.direction;
-        let across = |v: Vector3| v - w * (v.dot(w) * self.inverse_square);
-        let (c, h) = (patch.cell.centre, patch.cell.half);
-        let mut p = c;
-        for _ in 0..4 {
-            let (x, xs, xt) = surface.evaluator.jet1(p[0], p[1]);
-            let (r, v) = (across(x - self.ray.origin), [across(xs), across(xt)]);
-            let (e, f, g) = (v[0].norm_squared(), v[0].dot(&v[1]), v[1].norm_squared());
-            let (a, b) = (v[0].dot(&r), v[1].dot(&r));
-            let det = e * g - f * f;
-            let mut d = [(f * b - g * a) / det, (f * a - e * b) / det];
-            for k in 0..2 {
-                let q = (p[k] + d[k] - c[k]).clamp(-h[k], h[k]) + c[k] - p[k];
-                d[k] = if q.is_finite() { q } else { 0.0 };
-            }
-            for k in [0, 1, 0, 1] {
-                let rest = r + v[1 - k] * d[1 - k];
-                let step = -v[k].dot(&rest) / v[k].norm_squared();
-                if step.is_finite() {
-                    d[k] = (p[k] + step - c[k]).clamp(-h[k], h[k]) + c[k] - p[k];
-                }
-            }
-            p = [p[0] + d[0], p[1] + d[1]];
-        }
-        let [s, t] = p;
-        let x = surface.position(s, t);
-        let tau = (x - self.ray.origin).dot(w) * self.inverse_square;
-        let distance = (self.ray.at(tau) - x).norm();
-        let near = distance <= RESIDUAL * surface.size;
-        (near && tau > self.t_min && tau <= self.t_max).then_some((tau, s, t))
-    }
-
-    /// The second root of a nearly tangent ray close to its start, with the first divided out: for
-    /// x(τ) = start + w τ, the normal part n·x_dd τ²/2 = n·w τ gives τ = 2 n·w / n·x_dd, where d is
-    /// the ray's direction in parameters. Its relative error is of the order of τ times the change of
-    /// curvature.
-    fn second_root(
-        &self,
-        surface: &Parametric,
-        patch: &Patch,
-        start: [f64; 2],
-    ) -> Option<(f64, f64, f64)> {
-        let j = surface.jet(start[0], start[1]);
-        if !surface.is_regular(&j) {
-            return None; // at a pole there are no directions of parameters
-        }
-        let w = &self.ray.direction;
-        let n = j.area_vector();
-        let squared = n.norm_squared();
-        let slope = n.dot(w);
-        if slope.abs() <= 4.0 * f64::EPSILON * n.norm() * w.norm() {
-            return None; // tangent: both roots are one
-        }
-        let dual = [j.xv.cross(&n) / squared, n.cross(&j.xu) / squared];
-        let d = [dual[0].dot(w), dual[1].dot(w)];
-        let bend = j.xuu * (d[0] * d[0]) + j.xuv * (2.0 * d[0] * d[1]) + j.xvv * (d[1] * d[1]);
-        let tau = 2.0 * slope / n.dot(&bend);
-        if !(tau > self.t_min.max(0.0) && tau <= self.t_max) {
-            return None;
-        }
-        let [s, t] =
-            std::array::from_fn(|k| start[k] + d[k] * tau - 0.5 * dual[k].dot(&bend) * tau * tau);
-        // A share of the step is as uncertain as the expansion; the neighbour takes what falls there.
-        if !patch.cell.contains([s, t], 1.0 + OVERLAP) {
-            return None;
-        }
-        let (s, t) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
-        // The expansion's third order, and what it is worth: nothing where the surface has a kink.
-        let off = (surface.position(s, t) - self.ray.at(tau)).norm();
-        (off <= RESIDUAL * surface.size).then_some((tau, s, t))
     }
 }

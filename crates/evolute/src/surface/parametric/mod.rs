@@ -9,7 +9,9 @@ mod evaluate;
 mod hit;
 mod leaves;
 mod measure;
+mod newton;
 mod patch;
+mod singular;
 
 use self::evaluate::Evaluator;
 use self::leaves::Leaves;

@@ -37,6 +37,12 @@ impl Cell {
         })
     }
 
+    /// Whether the halves across `axis` are still different cells in double precision.
+    pub(super) fn is_divisible(&self, axis: usize) -> bool {
+        let (c, h) = (self.centre[axis], 0.5 * self.half[axis]);
+        c - h < c && c < c + h
+    }
+
     /// Whether (s, t) lies in the cell with its half widths scaled by `scale`.
     pub fn contains(&self, p: [f64; 2], scale: f64) -> bool {
         (0..2).all(|k| (p[k] - self.centre[k]).abs() <= scale * self.half[k])
@@ -260,8 +266,8 @@ impl Patch {
     }
 
     /// Across which parameter to split: the physically longer side if it is much longer (near a pole,
-    /// where one direction shrinks to nothing), else where the surface bends more; at a kink, the
-    /// parameter across it.
+    /// where one direction shrinks to nothing), but not if nothing bends along it (on a cylinder's
+    /// line); else where the surface bends more. At a kink, the parameter across it.
     pub fn split_axis(&self) -> usize {
         let h = self.cell.half;
         if let Some(first) = &self.first_error {
@@ -270,20 +276,21 @@ impl Patch {
                 return usize::from(jump[1] > jump[0]);
             }
         }
-        let [ls, lt] = [(0, self.jet.xu), (1, self.jet.xv)]
+        let length = [(0, self.jet.xu), (1, self.jet.xv)]
             .map(|(k, v)| (v.norm() + self.velocity_error(k).norm().min(f64::MAX)) * h[k]);
-        // More than four to one is called much longer: bends may make cells that slender, not more.
-        if ls > 4.0 * lt {
-            return 0;
-        }
-        if lt > 4.0 * ls {
-            return 1;
-        }
-        let [ss, _, tt] = self.second_error;
+        let [ss, st, tt] = self.second_error;
         let bend =
             [(self.jet.xuu.norm() + ss) * h[0] * h[0], (self.jet.xvv.norm() + tt) * h[1] * h[1]];
+        let twist = (self.jet.xuv.norm() + st) * h[0] * h[1];
+        for k in 0..2 {
+            // More than four to one is called much longer: bends may make cells that slender, not more.
+            // A sixteenth of the other's bend is called none.
+            if length[k] > 4.0 * length[1 - k] {
+                return if 16.0 * (bend[k] + twist) < bend[1 - k] { 1 - k } else { k };
+            }
+        }
         let unlike = bend.iter().all(|b| b.is_finite()) && bend[0] != bend[1];
-        let [a, b] = if unlike { bend } else { [ls, lt] };
+        let [a, b] = if unlike { bend } else { length };
         usize::from(b > a)
     }
 
