@@ -1,6 +1,6 @@
 //! Parametric surfaces: derivatives, bounds, parameters of points, singular points, area, and ray hits
 //! against a brute-force search that shares nothing with them but the formulas' values.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stderr, clippy::unwrap_used)]
 
 use evolute::formula::Formula;
 use evolute::geometry::{Aabb, Point3, Ray, Transform, Vector3};

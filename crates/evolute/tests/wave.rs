@@ -1,7 +1,7 @@
 //! The paper's wave scene (Yu & Wu, section 4) against a search that shares nothing with the program:
 //! the refracted rays of a fine grid over the surface, written out by hand, cells on the lamp's
 //! border divided until they do not matter.
-#![allow(clippy::unwrap_used, missing_docs)]
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 mod common;
 
@@ -181,10 +181,8 @@ fn estimates_hold_on_the_wave() {
     for half in [1.0, 10.0, 30.0] {
         let scene = wave_scene(half);
         let tracer = Tracer::new(&scene);
-        let places: Vec<(f64, f64)> = (0..200)
-            .map(|k| spread(k))
-            .map(|(u, v)| (100.0 * u - 50.0, 100.0 * v - 50.0))
-            .collect();
+        let places: Vec<(f64, f64)> =
+            (0..200).map(spread).map(|(u, v)| (100.0 * u - 50.0, 100.0 * v - 50.0)).collect();
         let depth = if half < 5.0 {
             6
         } else if half < 20.0 {

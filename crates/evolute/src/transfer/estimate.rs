@@ -79,10 +79,10 @@ impl Quadrature<'_, '_> {
         let &Place { term, level, .. } = place;
         let first = self.first[term];
         let h = place.size();
-        if let Term::Through(word, _) = self.terms[term] {
-            if self.outside_before(word, place) {
-                return Estimate::DARK;
-            }
+        if let Term::Through(word, _) = self.terms[term]
+            && self.outside_before(word, place)
+        {
+            return Estimate::DARK;
         }
         let numbers = place.corners().map(|point| self.sample(term, point));
         let light = match &self.terms[term] {

@@ -82,13 +82,12 @@ impl<'s> Transfer<'s> {
                 met = false;
                 break;
             };
-            if let Some(word) = word {
-                if quadrature.words.has_discoveries(word)
-                    && quadrature.words.depth(word) < self.settings.max_specular
-                {
-                    let found = quadrature.words.continue_word(word);
-                    self.follow(&mut quadrature, found, &mut left, |q| tolerance(q, &closed));
-                }
+            if let Some(word) = word
+                && quadrature.words.has_discoveries(word)
+                && quadrature.words.depth(word) < self.settings.max_specular
+            {
+                let found = quadrature.words.continue_word(word);
+                self.follow(&mut quadrature, found, &mut left, |q| tolerance(q, &closed));
             }
         }
         let (direct, specular, error) = quadrature.totals();
