@@ -13,6 +13,8 @@ use crate::optics::Dual;
 const CUT_SHARE: f64 = 1e-3;
 /// A cell is dark when an edge function is negative by this share of how far its polynomial bends.
 const DARK_MARGIN: f64 = 0.5;
+/// Share of an edge function's bend in a cell by which it may be off where no sample is positive.
+const UNSEEN_MARGIN: f64 = 0.5;
 /// Share of a gradient's residual that counts as a value's: the residual of a quartic has that slope
 /// half way to the side.
 const GRADIENT_SHARE: f64 = 0.25;
@@ -106,6 +108,12 @@ impl Interpolant {
                 let (value, slope) = residual(&patch, &s.edges[k], h);
                 patch.add_bump(value);
                 shift = left(value, slope);
+            }
+            // A function that is negative at all five samples may still be positive between them: the
+            // more it bends, the less they say. Without this a round lamp inside a large cell is lost.
+            let samples = corners.iter().copied().chain([centre]).flatten();
+            if samples.map(|s| s.edges[k].v).all(|v| v <= 0.0) {
+                shift += UNSEEN_MARGIN * patch.plane().0;
             }
             let (low, high) = patch.bounds();
             if high + shift < 0.0 {

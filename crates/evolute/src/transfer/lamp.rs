@@ -13,7 +13,7 @@ use crate::scene::{Scene, ShapeId};
 use crate::surface::{Mesh, Surface};
 
 /// Most edge functions of a lamp.
-pub const MAX_LAMP_EDGES: usize = 5;
+pub const MAX_LAMP_EDGES: usize = 6;
 /// Most triangles of a mesh that are lamps of their own; beyond a few dozen, terms by triangle
 /// outnumber the cells of one.
 const MAX_OUTLINED: usize = 64;
@@ -125,7 +125,9 @@ impl Lamp {
             }
             Outline::Disc(frame) => {
                 let (o, m, p, q) = crossing(frame, ray);
-                list.extend([m.squared() - p.squared() - q.squared(), m, o]);
+                // The square around the disc, whose sides bend little, finds it in large cells.
+                list.extend([m + p, m - p, m + q, m - q, o]);
+                list.push(m.squared() - p.squared() - q.squared());
             }
             Outline::Ball(centre, radius) => {
                 let to = DualVector::constant(*centre) - ray.o;
