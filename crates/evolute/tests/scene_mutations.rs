@@ -42,8 +42,18 @@ fn scenes() -> Vec<PathBuf> {
 fn one_changed_byte_never_panics() {
     let scenes = scenes();
     assert!(scenes.len() >= 3);
-    let mutation = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mutation.xml");
     for path in scenes {
+        // Beside copies of its neighbours, so that what it includes is found.
+        let folder = path.parent().unwrap();
+        let beside = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder.file_name().unwrap());
+        std::fs::create_dir_all(&beside).unwrap();
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let file = entry.unwrap().path();
+            if file.is_file() {
+                std::fs::copy(&file, beside.join(file.file_name().unwrap())).unwrap();
+            }
+        }
+        let mutation = beside.join("mutation.xml");
         let good = std::fs::read(&path).unwrap();
         load_file(&path, &[]).unwrap_or_else(|error| panic!("{error}"));
         let mut random = Random(20);
