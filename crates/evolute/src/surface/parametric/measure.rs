@@ -169,7 +169,7 @@ impl Parametric {
 
     /// Area [m²] to within the share `accuracy` of it, as far as an estimate can tell: the cell whose
     /// value differs most from the sum of its quarters is quartered, until all these differences
-    /// together are below the tolerance. Kinks are followed to [`MAX_AREA_CELLS`] cells.
+    /// together are below the tolerance. Kinks are followed to `MAX_AREA_CELLS` cells.
     pub fn area(&self, accuracy: f64) -> f64 {
         let mut heap = BinaryHeap::new();
         let (mut total, mut error) = (0.0, 0.0);
