@@ -170,7 +170,9 @@ impl Interpolant {
         let lit = if full[0].abs() > 0.0 { (wide[0] / full[0]).clamp(0.0, 1.0) } else { 1.0 };
         let straightened = if lit > 0.0 { luminance([straight; 3]) * 0.25 } else { 0.0 };
         let weight_error = luminance([self.weight_residual * lit; 3]).abs();
-        (exact, shift_error + weight_error + straightened)
+        // No cut can be worth more than the whole cell.
+        let cut_error = (shift_error + straightened).min(self.most());
+        (exact, cut_error + weight_error)
     }
 
     /// The integral where one more polynomial is positive, too.
