@@ -118,6 +118,14 @@ pub struct Departure {
     pub next: Option<Hit>,
 }
 
+impl Departure {
+    /// The throughput, largest channel, that is left of a chain which loses nothing more: leaving the
+    /// medium is reckoned in.
+    pub fn lossless_throughput(&self) -> f64 {
+        self.throughput.iter().fold(0f64, |m, t| m.max(t.v)) / self.radiance_scale
+    }
+}
+
 /// Carries the family through `step`; `None` where it cannot be (total reflection asked to
 /// transmit). `next` is left empty.
 ///

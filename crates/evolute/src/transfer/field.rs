@@ -34,6 +34,8 @@ pub enum Sight {
 pub struct FieldSample {
     /// Positive where light comes through.
     pub edges: ArrayVec<Dual, MAX_FIELD_EDGES>,
+    /// How many of them, the first, are borders of the chain; the others are the lamp's outline.
+    pub borders: usize,
     /// Irradiance per unit of (a, b) and of radiance, a channel each (only the first, if grey).
     pub weight: [Dual; 3],
     /// Whether something stands in the way.
@@ -118,6 +120,7 @@ impl<'s> DirectField<'s> {
             }
         };
         Some(FieldSample {
+            borders: edges.len(),
             edges,
             weight: [weight; 3],
             sight,
@@ -144,6 +147,7 @@ pub fn sample_through(
     let w = departure.weight;
     Some(FieldSample {
         edges,
+        borders: departure.edges.len(),
         weight: departure.throughput.map(|t| w * t),
         sight: sight(departure, lamp, on_lamp),
         normal: departure.first_normal,

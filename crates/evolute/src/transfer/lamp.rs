@@ -7,6 +7,7 @@
 
 use arrayvec::ArrayVec;
 
+use super::landing::Target;
 use crate::geometry::{Matrix3, Point3, Rgb, Transform, Vector3};
 use crate::optics::{Dual, DualRay, DualVector};
 use crate::scene::{Scene, ShapeId};
@@ -98,12 +99,17 @@ impl Lamp {
                 vec![lamp(None, Outline::Ball(s.centre().coords, s.radius()))]
             }
             // Vertex normals say nothing about what a lamp covers.
-            Surface::Mesh(m) if m.triangles().len() <= MAX_OUTLINED => {
+            Surface::Mesh(m) if outlined(&emitter.surface) => {
                 let frame = |t| Some(lamp(Some(t), Outline::Triangle(triangle_frame(m, t)?)));
                 (0..m.triangles().len() as u32).filter_map(frame).collect()
             }
             _ => vec![lamp(None, Outline::Sampled)],
         }
+    }
+
+    /// What a chain meets that lands on it.
+    pub fn target(&self) -> Target {
+        Target { shape: self.shape, primitive: self.primitive, front: true, lamp: true }
     }
 
     /// Whether [`Self::edges`] describes the lamp; else only the tracer knows what hits it.
@@ -157,6 +163,11 @@ impl Lamp {
         };
         (t > 0.0 && t.is_finite()).then_some(t)
     }
+}
+
+/// Whether each triangle of a surface is a lamp of its own.
+pub fn outlined(surface: &Surface) -> bool {
+    matches!(surface, Surface::Mesh(m) if m.triangles().len() <= MAX_OUTLINED)
 }
 
 fn triangle_frame(mesh: &Mesh, triangle: u32) -> Option<Frame> {

@@ -7,10 +7,13 @@
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
+use arrayvec::ArrayVec;
+
 use super::criteria::Criteria;
 use super::estimate::Place;
 use super::field::{DirectField, FieldSample, sample_through};
 use super::lamp::Lamp;
+use super::landing::{DarkCells, Square, Target};
 use super::settings::Counts;
 use super::word::{GRID_BITS, GridHasher, GridPoint, WordId, Words};
 use crate::geometry::Rgb;
@@ -33,9 +36,7 @@ pub enum Term<'s> {
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     term: u32,
-    level: u32,
-    i: u32,
-    j: u32,
+    square: Square,
     integral: Rgb,
     error: f64,
     leaf: bool,
@@ -74,6 +75,10 @@ pub struct Quadrature<'s, 'l> {
     /// Level of each term's first grid.
     pub(super) first: Vec<u32>,
     pub(super) samples: Vec<Option<FieldSample>>,
+    /// Each term's cells that are held dark.
+    pub(super) dark: Vec<DarkCells>,
+    /// Terms of a word, by its number.
+    terms_of: Vec<Vec<u32>>,
     /// Numbers of each term's samples by grid point.
     sampled: Vec<HashMap<u64, u32, GridHasher>>,
     cells: Vec<Cell>,
@@ -94,6 +99,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             terms: Vec::new(),
             first: Vec::new(),
             samples: Vec::new(),
+            dark: Vec::new(),
+            terms_of: Vec::new(),
             sampled: Vec::new(),
             cells: Vec::new(),
             queue: BinaryHeap::new(),
@@ -128,14 +135,20 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     /// Adds a term with its first grid of 4^`first` cells.
     pub fn add(&mut self, term: Term<'s>, first: u32, tolerance: f64) {
         let index = self.terms.len() as u32;
+        if let Term::Through(word, _) = term {
+            let word = word.0 as usize;
+            self.terms_of.resize_with(self.terms_of.len().max(word + 1), Vec::new);
+            self.terms_of[word].push(index);
+        }
         self.terms.push(term);
         self.first.push(first);
+        self.dark.push(DarkCells::default());
         self.sampled.push(HashMap::default());
         let n = 1u32 << first;
         let step = 1u32 << (GRID_BITS - first);
         for i in 0..n {
             for j in 0..n {
-                self.place(index, first, i * step, j * step, tolerance);
+                self.place(index, Square { level: first, i: i * step, j: j * step }, tolerance);
             }
         }
     }
@@ -165,20 +178,21 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     }
 
     fn divide(&mut self, cell: &Cell, tolerance: f64) {
-        let half = 1u32 << (GRID_BITS - cell.level - 1);
+        let Square { level, i, j } = cell.square;
+        let half = 1u32 << (GRID_BITS - level - 1);
         for (di, dj) in [(0, 0), (half, 0), (0, half), (half, half)] {
-            self.place(cell.term, cell.level + 1, cell.i + di, cell.j + dj, tolerance);
+            let child = Square { level: level + 1, i: i + di, j: j + dj };
+            self.place(cell.term, child, tolerance);
         }
     }
 
-    fn place(&mut self, term: u32, level: u32, i: u32, j: u32, tolerance: f64) {
+    fn place(&mut self, term: u32, square: Square, tolerance: f64) {
         self.counts.cells += 1;
-        let estimate = self.estimate(&Place { term: term as usize, level, i, j }, tolerance);
+        let level = square.level;
+        let estimate = self.estimate(&Place { term: term as usize, cell: square }, tolerance);
         let mut cell = Cell {
             term,
-            level,
-            i,
-            j,
+            square,
             integral: estimate.integral,
             error: estimate.error,
             leaf: true,
@@ -198,6 +212,39 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         self.cells.push(cell);
         if level < LAST_LEVEL && cell.error > 0.0 {
             self.queue.push(Candidate { error: cell.error, cell: index });
+        }
+    }
+
+    /// Takes up cells that are held dark and into which chains were traced since that say otherwise.
+    pub fn open_dark(&mut self, tolerance: f64) {
+        loop {
+            let fresh = self.words.take_fresh();
+            if fresh.is_empty() {
+                return;
+            }
+            for (word, target, at) in fresh {
+                let words: ArrayVec<WordId, 2> = if target.lamp {
+                    ArrayVec::from_iter([word])
+                } else {
+                    self.words.children_at(word, target).collect()
+                };
+                for word in words {
+                    for k in 0..self.terms_of.get(word.0 as usize).map_or(0, Vec::len) {
+                        self.open(self.terms_of[word.0 as usize][k], target, at, tolerance);
+                    }
+                }
+            }
+        }
+    }
+
+    fn open(&mut self, term: u32, target: Target, at: GridPoint, tolerance: f64) {
+        let Term::Through(_, lamp) = self.terms[term as usize] else { return };
+        if target.lamp && self.lamps[lamp].target() != target {
+            return;
+        }
+        let first = self.first[term as usize];
+        if let Some(cell) = self.dark[term as usize].take(at, first, target.lamp) {
+            self.place(term, cell, tolerance);
         }
     }
 
