@@ -14,7 +14,7 @@ use super::estimate::Place;
 use super::field::{DirectField, FieldSample, sample_through};
 use super::lamp::Lamp;
 use super::landing::{DarkCells, Square, Target};
-use super::settings::Counts;
+use super::settings::{Counts, WordShare};
 use super::word::{GRID_BITS, GridHasher, GridPoint, WordId, Words};
 use crate::geometry::Rgb;
 
@@ -261,18 +261,29 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         (direct, specular, error)
     }
 
-    /// Irradiance by word.
-    pub fn by_word(&self) -> Vec<(WordId, Rgb)> {
-        let mut list: Vec<(WordId, Rgb)> = Vec::new();
-        for cell in self.cells.iter().filter(|c| c.leaf) {
+    /// What each word brings, in the words' order; those that bring nothing, too.
+    pub fn by_word(&self) -> Vec<WordShare> {
+        let mut shares: Vec<WordShare> = self
+            .words
+            .ids()
+            .map(|word| WordShare {
+                letters: self.words.letters(word).iter().map(|s| (s.shape, s.event)).collect(),
+                irradiance: Rgb::BLACK,
+                error: 0.0,
+                counts: Counts { chains: self.words.chains(word), ..Counts::default() },
+            })
+            .collect();
+        for cell in &self.cells {
             if let Term::Through(word, _) = self.terms[cell.term as usize] {
-                match list.iter_mut().find(|(w, _)| *w == word) {
-                    Some((_, sum)) => *sum += cell.integral,
-                    None => list.push((word, cell.integral)),
+                let share = &mut shares[word.0 as usize];
+                share.counts.cells += 1;
+                if cell.leaf {
+                    share.irradiance += cell.integral;
+                    share.error += cell.error;
                 }
             }
         }
-        list
+        shares
     }
 
     /// The number of the term's sample at a grid point; neighbouring cells share it.

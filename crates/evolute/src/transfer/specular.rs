@@ -95,19 +95,10 @@ impl<'s> Transfer<'s> {
             }
         }
         let (direct, specular, error) = quadrature.totals();
-        let shares = quadrature
-            .by_word()
-            .into_iter()
-            .map(|(word, irradiance)| WordShare {
-                letters: quadrature
-                    .words
-                    .letters(word)
-                    .iter()
-                    .map(|s| (s.shape, s.event))
-                    .collect(),
-                irradiance,
-            })
-            .collect();
+        let mut shares = quadrature.by_word();
+        for word in &left.words {
+            shares[word.word.0 as usize].error += word.error;
+        }
         let light = ReceiverLight {
             direct: direct + closed,
             specular,

@@ -217,6 +217,16 @@ impl<'s> Words<'s> {
             .is_some_and(|d| d.visible == Visibility::Free && d.edges.iter().all(|e| e.v >= 0.0))
     }
 
+    /// All words.
+    pub fn ids(&self) -> impl Iterator<Item = WordId> + use<> {
+        (0..self.words.len() as u32).map(WordId)
+    }
+
+    /// Chains of a word that are kept.
+    pub fn chains(&self, word: WordId) -> u64 {
+        self.words[word.0 as usize].departures.len() as u64
+    }
+
     /// Forgets a word's departures; they are traced again when they are asked for.
     pub fn forget(&mut self, word: WordId) {
         self.words[word.0 as usize].departures = HashMap::default();
