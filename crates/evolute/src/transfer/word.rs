@@ -10,7 +10,7 @@ use super::chain::{Arrival, Departure, Step, Visibility, depart, events};
 use super::domain::Domain;
 use super::extension::{facet_of, is_faceted, meet};
 use super::landing::{Landings, Square, Target};
-use super::lamp::outlined;
+use super::lamp::{outlined, part_of};
 use super::settings::{Counts, Receiver};
 use crate::geometry::Ray;
 use crate::optics::{Dual, DualRay};
@@ -104,6 +104,11 @@ impl<'s> Words<'s> {
             fresh: Vec::new(),
             counts: Counts::default(),
         }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'s Scene {
+        self.scene
     }
 
     /// Adds the words of one event each at `shape`; their ids.
@@ -305,7 +310,12 @@ impl<'s> Words<'s> {
             }
         };
         if lamp && front {
-            let primitive = outlined(&shape.surface).then_some(hit.anchor.point.primitive);
+            let primitive = match &shape.surface {
+                Surface::Mesh(m) if outlined(&shape.surface) => {
+                    Some(part_of(m, hit.anchor.point.primitive))
+                }
+                _ => None,
+            };
             landed(Target { shape: hit.anchor.shape, primitive, front, lamp: true });
         }
         if specular {
