@@ -11,7 +11,7 @@ use crate::trace::{Anchor, Hit};
 
 /// Most edge functions that a chain carries for horizon, sides and borders; what comes later is
 /// decided by sampling.
-pub const MAX_CHAIN_EDGES: usize = 8;
+pub const MAX_CHAIN_EDGES: usize = 12;
 
 /// What a specular surface does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -405,6 +405,12 @@ impl<'s> Words<'s> {
             visible: if free { Visibility::Free } else { Visibility::Blocked },
         };
         arrival.push_edge(cos_1);
+        if let Some(rim) = self.roots[root].domain.rim(&first) {
+            arrival.push_edge(rim);
+            if rim.v <= 0.0 {
+                arrival.visible = Visibility::Beyond;
+            }
+        }
         if !self.roots[root].domain.one_sided() {
             let facing = first.d.dot(&first.n);
             arrival.push_edge(if step.front { -facing } else { facing });
