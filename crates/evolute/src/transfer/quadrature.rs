@@ -190,13 +190,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         self.counts.cells += 1;
         let level = square.level;
         let estimate = self.estimate(&Place { term: term as usize, cell: square }, tolerance);
-        let mut cell = Cell {
-            term,
-            square,
-            integral: estimate.integral,
-            error: estimate.error,
-            leaf: true,
-        };
+        let mut cell =
+            Cell { term, square, integral: estimate.integral, error: estimate.error, leaf: true };
         if estimate.divide && level < LAST_LEVEL {
             return self.divide(&cell, tolerance);
         }
