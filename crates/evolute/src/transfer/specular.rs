@@ -205,8 +205,10 @@ impl<'s> Transfer<'s> {
         tolerance: &impl Fn(&Quadrature<'_, '_>) -> f64,
     ) -> Vec<WordId> {
         left.followed += 1;
-        let first = if throughput < COARSE_THROUGHPUT { COARSE_LEVEL } else { FIRST_LEVEL };
         let look = look(&mut quadrature.words, word);
+        // Chains that are known from elsewhere open the cells of an island.
+        let coarse = throughput < COARSE_THROUGHPUT || look.island;
+        let first = if coarse { COARSE_LEVEL } else { FIRST_LEVEL };
         if look.reaches {
             let allowed = tolerance(quadrature);
             for lamp in 0..self.lamps.len() {
@@ -278,6 +280,8 @@ struct Look {
     offered: f64,
     /// Whether any last leg leads anywhere but to the next specular surface.
     reaches: bool,
+    /// Whether the grid saw none of its chains, and only those known from elsewhere tell of it.
+    island: bool,
 }
 
 impl Look {
@@ -294,7 +298,7 @@ impl Look {
 }
 
 fn look(words: &mut Words<'_>, word: WordId) -> Look {
-    let mut look = Look { passed: 0.0, offered: 0.0, reaches: false };
+    let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
     let mut count = 0.0;
     let parent = words.parent(word);
     for at in grid(COARSE_LEVEL) {
@@ -304,11 +308,14 @@ fn look(words: &mut Words<'_>, word: WordId) -> Look {
             look.ask(words, word, at);
         }
     }
-    if look.passed == 0.0 {
-        // An island between the grid's points; it cannot be much larger than one point's share.
-        for at in words.met_at(word, MOST_LANDINGS) {
+    if look.offered == 0.0 {
+        // An island between the grid's points: about one point's share, at most.
+        let points = words.met_at(word, MOST_LANDINGS);
+        count *= points.len().max(1) as f64;
+        for at in points {
             look.ask(words, word, at);
         }
+        look.island = look.offered > 0.0;
     }
     look.passed /= count;
     look.offered /= count;
