@@ -65,12 +65,14 @@ impl Landings {
         self.0.range((target, from)..(target, to)).next().is_some()
     }
 
-    /// Up to `count` points, spread over the domain, from which the target was met.
-    pub fn some(&self, target: Target, count: usize) -> Vec<GridPoint> {
+    /// Up to `count` points, spread over the domain, from which the target was met, and which share of
+    /// all landings met it.
+    pub fn some(&self, target: Target, count: usize) -> (Vec<GridPoint>, f64) {
         let all: Vec<u64> =
             self.0.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| *code).collect();
+        let share = all.len() as f64 / self.0.len().max(1) as f64;
         let stride = all.len().div_ceil(count.max(1)).max(1);
-        all.into_iter().step_by(stride).map(point).collect()
+        (all.into_iter().step_by(stride).map(point).collect(), share)
     }
 }
 
@@ -164,7 +166,9 @@ mod tests {
                 points.iter().any(|p| (i..i + n).contains(&p.i) && (j..j + n).contains(&p.j));
             assert_eq!(landings.any(TARGET, cell), inside);
         }
-        let spread = landings.some(TARGET, 10);
+        landings.add(Target { lamp: true, ..TARGET }, points[0]);
+        let (spread, share) = landings.some(TARGET, 10);
+        assert_eq!(share, 200.0 / 201.0);
         assert!(spread.len() == 10 && spread.iter().all(|p| points.contains(p)));
         let cell = Square::around(points[7], 5);
         dark.add(cell, Darkness::NoLight);

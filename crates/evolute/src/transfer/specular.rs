@@ -285,40 +285,48 @@ struct Look {
 }
 
 impl Look {
-    /// Looks at one chain of the word.
-    fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) {
-        let Some(departure) = words.departure(word, at) else { return };
-        if departure.visible == Visibility::Free && departure.edges.iter().all(|e| e.v >= 0.0) {
+    /// Looks at one chain of the word; whether it is legal.
+    fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) -> bool {
+        let Some(departure) = words.departure(word, at) else { return false };
+        self.reaches |= departure.visible != Visibility::Blocked;
+        let legal =
+            departure.visible == Visibility::Free && departure.edges.iter().all(|e| e.v >= 0.0);
+        if legal {
             let weight = departure.weight.v.max(0.0);
             self.passed += weight * departure.lossless_throughput();
             self.offered += weight;
         }
-        self.reaches |= departure.visible != Visibility::Blocked;
+        legal
     }
 }
 
 fn look(words: &mut Words<'_>, word: WordId) -> Look {
     let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
-    let mut count = 0.0;
+    let (mut asked, mut legal) = (0.0, 0.0);
     let parent = words.parent(word);
     for at in grid(COARSE_LEVEL) {
-        count += 1.0;
+        asked += 1.0;
         // Where the word before is not, this one is not either.
-        if parent.is_none_or(|parent| words.is_legal(parent, at)) {
-            look.ask(words, word, at);
+        if parent.is_none_or(|parent| words.is_legal(parent, at)) && look.ask(words, word, at) {
+            legal += 1.0;
         }
     }
-    if look.offered == 0.0 {
-        // An island between the grid's points: about one point's share, at most.
-        let points = words.met_at(word, MOST_LANDINGS);
-        count *= points.len().max(1) as f64;
+    let mut area = legal / asked;
+    if legal == 0.0 {
+        // An island between the grid's points.
+        let (points, share) = words.met_at(word, MOST_LANDINGS);
+        look.island = !points.is_empty();
+        area = share;
+        asked = points.len() as f64 / share.max(f64::MIN_POSITIVE);
         for at in points {
             look.ask(words, word, at);
         }
-        look.island = look.offered > 0.0;
     }
-    look.passed /= count;
-    look.offered /= count;
+    words.set_area(word, area);
+    if asked > 0.0 {
+        look.passed /= asked;
+        look.offered /= asked;
+    }
     look
 }
 

@@ -66,6 +66,8 @@ struct Word {
     discovered: Vec<Step>,
     children: Vec<WordId>,
     landings: Landings,
+    /// Part of the domain that legal chains come from, as far as samples tell.
+    area: f64,
 }
 
 /// The first leg at a grid point: shared by the events at the first surface.
@@ -200,6 +202,7 @@ impl<'s> Words<'s> {
             discovered: Vec::new(),
             children: Vec::new(),
             landings: Landings::default(),
+            area: 1.0,
         });
         let id = WordId(self.words.len() as u32 - 1);
         if let Source::After(parent) = source {
@@ -367,11 +370,19 @@ impl<'s> Words<'s> {
         self.words[word.0 as usize].landings.any(lamp, cell)
     }
 
-    /// Up to `count` points at which legal chains of the word before met the word's last letter.
-    pub fn met_at(&self, word: WordId, count: usize) -> Vec<GridPoint> {
-        self.parent(word).map_or_else(Vec::new, |parent| {
-            self.words[parent.0 as usize].landings.some(self.letter(word), count)
+    /// Up to `count` points at which legal chains of the word before met the word's last letter, and
+    /// how much of the domain those chains may have come from, by their number.
+    pub fn met_at(&self, word: WordId, count: usize) -> (Vec<GridPoint>, f64) {
+        self.parent(word).map_or((Vec::new(), 0.0), |parent| {
+            let parent = &self.words[parent.0 as usize];
+            let (points, share) = parent.landings.some(self.letter(word), count);
+            (points, parent.area * share)
         })
+    }
+
+    /// Keeps how much of the domain legal chains of the word come from.
+    pub fn set_area(&mut self, word: WordId, area: f64) {
+        self.words[word.0 as usize].area = area;
     }
 
     fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
