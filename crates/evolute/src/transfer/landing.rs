@@ -65,14 +65,26 @@ impl Landings {
         self.0.range((target, from)..(target, to)).next().is_some()
     }
 
-    /// Up to `count` points, spread over the domain, from which the target was met, and which share of
-    /// all landings met it.
-    pub fn some(&self, target: Target, count: usize) -> (Vec<GridPoint>, f64) {
-        let all: Vec<u64> =
-            self.0.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| *code).collect();
-        let share = all.len() as f64 / self.0.len().max(1) as f64;
-        let stride = all.len().div_ceil(count.max(1)).max(1);
-        (all.into_iter().step_by(stride).map(point).collect(), share)
+    /// Up to `count` points, spread over the domain, from which the target was met.
+    pub fn some(&self, target: Target, count: usize) -> Vec<GridPoint> {
+        let stride = self.of(target).count().div_ceil(count.max(1)).max(1);
+        self.of(target).step_by(stride).collect()
+    }
+
+    /// How many points of the regular grid of a level the target was met from, and which share of all
+    /// landings met it.
+    pub fn share(&self, target: Target, level: u32) -> (usize, f64) {
+        let step = (1u32 << (GRID_BITS - level)) - 1;
+        let (mut regular, mut all) = (0, 0);
+        for at in self.of(target) {
+            all += 1;
+            regular += usize::from((at.i | at.j) & step == 0);
+        }
+        (regular, f64::from(all) / self.0.len().max(1) as f64)
+    }
+
+    fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + '_ {
+        self.0.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| point(*code))
     }
 }
 
@@ -167,9 +179,10 @@ mod tests {
             assert_eq!(landings.any(TARGET, cell), inside);
         }
         landings.add(Target { lamp: true, ..TARGET }, points[0]);
-        let (spread, share) = landings.some(TARGET, 10);
-        assert_eq!(share, 200.0 / 201.0);
+        let spread = landings.some(TARGET, 10);
         assert!(spread.len() == 10 && spread.iter().all(|p| points.contains(p)));
+        // The first of the points is the domain's corner, and on every grid.
+        assert_eq!(landings.share(TARGET, 3), (1, 200.0 / 201.0));
         let cell = Square::around(points[7], 5);
         dark.add(cell, Darkness::NoLight);
         assert_eq!(dark.take(points[7], 3, false), None);

@@ -209,6 +209,7 @@ impl<'s> Transfer<'s> {
         // Chains that are known from elsewhere open the cells of an island.
         let coarse = throughput < COARSE_THROUGHPUT || look.island;
         let first = if coarse { COARSE_LEVEL } else { FIRST_LEVEL };
+        quadrature.words.set_first_level(word, first);
         if look.reaches {
             let allowed = tolerance(quadrature);
             for lamp in 0..self.lamps.len() {
@@ -311,21 +312,19 @@ fn look(words: &mut Words<'_>, word: WordId) -> Look {
             legal += 1.0;
         }
     }
-    let mut area = legal / asked;
+    let area = words.set_area(word, legal / asked);
     if legal == 0.0 {
         // An island between the grid's points.
-        let (points, share) = words.met_at(word, MOST_LANDINGS);
-        look.island = !points.is_empty();
-        area = share;
-        asked = points.len() as f64 / share.max(f64::MIN_POSITIVE);
-        for at in points {
-            look.ask(words, word, at);
+        for at in words.met_at(word, MOST_LANDINGS) {
+            look.island = true;
+            if look.ask(words, word, at) {
+                legal += 1.0;
+            }
         }
     }
-    words.set_area(word, area);
-    if asked > 0.0 {
-        look.passed /= asked;
-        look.offered /= asked;
+    if legal > 0.0 {
+        look.passed *= area / legal;
+        look.offered *= area / legal;
     }
     look
 }

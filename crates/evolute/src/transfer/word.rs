@@ -68,6 +68,8 @@ struct Word {
     landings: Landings,
     /// Part of the domain that legal chains come from, as far as samples tell.
     area: f64,
+    /// Level of the first grid.
+    first_level: u32,
 }
 
 /// The first leg at a grid point: shared by the events at the first surface.
@@ -203,6 +205,7 @@ impl<'s> Words<'s> {
             children: Vec::new(),
             landings: Landings::default(),
             area: 1.0,
+            first_level: 0,
         });
         let id = WordId(self.words.len() as u32 - 1);
         if let Source::After(parent) = source {
@@ -370,19 +373,34 @@ impl<'s> Words<'s> {
         self.words[word.0 as usize].landings.any(lamp, cell)
     }
 
-    /// Up to `count` points at which legal chains of the word before met the word's last letter, and
-    /// how much of the domain those chains may have come from, by their number.
-    pub fn met_at(&self, word: WordId, count: usize) -> (Vec<GridPoint>, f64) {
-        self.parent(word).map_or((Vec::new(), 0.0), |parent| {
-            let parent = &self.words[parent.0 as usize];
-            let (points, share) = parent.landings.some(self.letter(word), count);
-            (points, parent.area * share)
+    /// Up to `count` points at which legal chains of the word before met the word's last letter.
+    pub fn met_at(&self, word: WordId, count: usize) -> Vec<GridPoint> {
+        self.parent(word).map_or_else(Vec::new, |parent| {
+            self.words[parent.0 as usize].landings.some(self.letter(word), count)
         })
     }
 
-    /// Keeps how much of the domain legal chains of the word come from.
-    pub fn set_area(&mut self, word: WordId, area: f64) {
+    /// Keeps the level of a word's first grid.
+    pub fn set_first_level(&mut self, word: WordId, level: u32) {
+        self.words[word.0 as usize].first_level = level;
+    }
+
+    /// Keeps how much of the domain legal chains come from: `sampled` for a first letter, and else what
+    /// the landings of the word before say. Letters that share a parent share its chains.
+    pub fn set_area(&mut self, word: WordId, sampled: f64) -> f64 {
+        let area = self.parent(word).map_or(sampled, |parent| {
+            let parent = &self.words[parent.0 as usize];
+            let (regular, share) = parent.landings.share(self.letter(word), parent.first_level);
+            let grid = f64::from(((1u32 << parent.first_level) + 1).pow(2));
+            if regular > 0 {
+                regular as f64 / grid
+            } else {
+                // An island between the grid's points is no larger than one point's share.
+                share * parent.area.min(1.0 / grid)
+            }
+        });
         self.words[word.0 as usize].area = area;
+        area
     }
 
     fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
