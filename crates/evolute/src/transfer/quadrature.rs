@@ -12,6 +12,7 @@ use super::estimate::Place;
 use super::field::{DirectField, FieldSample, sample_through};
 use super::lamp::Lamp;
 use super::settings::Counts;
+use super::unseen::Brake;
 use super::word::{GRID_BITS, GridHasher, GridPoint, WordId, Words};
 use crate::geometry::Rgb;
 
@@ -70,6 +71,7 @@ pub struct Quadrature<'s, 'l> {
     pub words: Words<'s>,
     pub(super) lamps: &'l [Lamp],
     pub(super) criteria: Criteria,
+    pub(super) brake: &'l Brake<'l>,
     pub(super) terms: Vec<Term<'s>>,
     /// Level of each term's first grid.
     pub(super) first: Vec<u32>,
@@ -86,11 +88,17 @@ pub struct Quadrature<'s, 'l> {
 
 impl<'s, 'l> Quadrature<'s, 'l> {
     /// No terms yet.
-    pub fn new(words: Words<'s>, lamps: &'l [Lamp], criteria: Criteria) -> Self {
+    pub fn new(
+        words: Words<'s>,
+        lamps: &'l [Lamp],
+        criteria: Criteria,
+        brake: &'l Brake<'l>,
+    ) -> Self {
         Self {
             words,
             lamps,
             criteria,
+            brake,
             terms: Vec::new(),
             first: Vec::new(),
             samples: Vec::new(),
@@ -173,7 +181,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
 
     fn place(&mut self, term: u32, level: u32, i: u32, j: u32, tolerance: f64) {
         self.counts.cells += 1;
-        let estimate = self.estimate(&Place { term: term as usize, level, i, j }, tolerance);
+        let place = Place { term: term as usize, level, i, j };
+        let estimate = self.estimate(&place, tolerance);
         let mut cell = Cell {
             term,
             level,
@@ -184,7 +193,10 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             leaf: true,
         };
         if estimate.divide && level < LAST_LEVEL {
-            return self.divide(&cell, tolerance);
+            if !self.brake.asked_at_division() {
+                return self.divide(&cell, tolerance);
+            }
+            cell.error = cell.error.max(self.undivided(&place));
         }
         if cell.integral.is_black() && cell.error == 0.0 {
             return;
