@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(short = 'o', long, value_name = "FILE.exr|.png|.hdr")]
     output: Option<PathBuf>,
     /// Columns and rows of the picture [default: the scene's film]
-    #[arg(long, value_name = "WxH", value_parser = options::size)]
+    #[arg(long, value_name = "WxH", value_parser = options::size, allow_hyphen_values = true)]
     size: Option<(u32, u32)>,
     /// Brightness of the PNG: radiance times 2^EV, 1 being nearly white [default: found from the
     /// picture, and told]
@@ -74,11 +74,14 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
                 .into(),
         ));
     };
+    let film = (sensor.film.width, sensor.film.height);
+    check_size(arguments.size, film)?;
     let tracer = Tracer::new(&scene);
     let transfer = session::transfer_settings(&scene, common);
     let settings = ViewSettings { transfer, size: arguments.size };
     summary.lap("prepare");
 
+    session::begin_work();
     let progress = Progress::new(common, "picture", 0);
     let control = Control {
         order: &|| {
@@ -98,6 +101,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     let seconds = summary.lap("compute");
     summary.counts(picture.receivers, &picture.counts);
     summary.set("receivers_unmet", picture.unmet);
+    summary.set("largest_error", picture.largest_error * common.unit_factor());
     summary.set("accuracy", transfer.relative);
     summary.set("accuracy_abs", transfer.absolute);
     summary.set("camera", json!({
@@ -154,6 +158,21 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         ));
     }
     Ok(())
+}
+
+/// Refuses pictures that no memory holds.
+fn check_size(asked: Option<(u32, u32)>, film: (u32, u32)) -> Result<(), Failure> {
+    // 8192 × 8192 pixels take some 16 GiB while they are made.
+    const MOST_PIXELS: u64 = 1 << 26;
+    let (width, height) = asked.unwrap_or(film);
+    if u64::from(width) * u64::from(height) <= MOST_PIXELS {
+        return Ok(());
+    }
+    let text = format!(
+        "a picture of {width} × {height} pixels is too large; ask for at most {MOST_PIXELS} pixels \
+         with --size"
+    );
+    Err(if asked.is_some() { Failure::Usage(text) } else { Failure::Input(text) })
 }
 
 /// The files to write.
