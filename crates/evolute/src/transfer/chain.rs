@@ -11,7 +11,7 @@ use crate::trace::{Anchor, Hit};
 
 /// Most edge functions that a chain carries for horizon, sides and borders; what comes later is
 /// decided by sampling.
-pub const MAX_CHAIN_EDGES: usize = 8;
+pub const MAX_CHAIN_EDGES: usize = 12;
 
 /// What a specular surface does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -116,6 +116,14 @@ pub struct Departure {
     pub visible: Visibility,
     /// The nearest hit of the central ray, looked for only where the legs are free.
     pub next: Option<Hit>,
+}
+
+impl Departure {
+    /// The throughput, largest channel, that is left of a chain which loses nothing more: leaving the
+    /// medium is reckoned in.
+    pub fn lossless_throughput(&self) -> f64 {
+        self.throughput.iter().fold(0f64, |m, t| m.max(t.v)) / self.radiance_scale
+    }
 }
 
 /// Carries the family through `step`; `None` where it cannot be (total reflection asked to

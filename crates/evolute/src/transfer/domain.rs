@@ -6,9 +6,9 @@
 //! smooth in the angle of incidence up to the limb (a sphere: sin i = sin(πa/2) and the azimuth; a
 //! cylinder: sin ψ = (R/ρ) sin i).
 
-use super::extension::{Facet, facet_of, is_faceted};
+use super::extension::{Facet, facet_of, is_faceted, over_the_rim};
 use crate::geometry::{Point3, Vector3, tangent_frame};
-use crate::optics::{Dual, DualVector};
+use crate::optics::{Dual, DualRay, DualVector};
 use crate::surface::{Cylinder, Mesh, Parametric, Sphere, Surface, SurfacePoint};
 
 use std::f64::consts::PI;
@@ -143,6 +143,13 @@ impl<'s> Domain<'s> {
     /// Whether the surface turns the same side to the receiver everywhere in the domain.
     pub fn one_sided(&self) -> bool {
         !matches!(self.kind, Kind::Parameters { .. })
+    }
+
+    /// The border that the surface's own near wall is on the way to a first point on its far wall.
+    pub fn rim(&self, first: &FirstPoint) -> Option<Dual> {
+        let Kind::CylinderFromOutside { cylinder, far: true, .. } = &self.kind else { return None };
+        let ray = DualRay { o: DualVector::constant(self.receiver.coords), d: first.d };
+        Some(over_the_rim(cylinder, &ray))
     }
 
     /// The first point at (a, b); `None` where the parametrisation is singular or the receiver lies

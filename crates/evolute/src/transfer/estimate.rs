@@ -10,6 +10,7 @@ use super::boundary::{Border, border};
 use super::chain::MAX_CHAIN_EDGES;
 use super::field::{FieldSample, Sight};
 use super::interpolant::{Corners, Interpolant, Light, is_dark};
+use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
 use super::quadrature::{LAST_LEVEL, Quadrature, Term};
 use super::word::{GRID_BITS, GridPoint, WordId};
@@ -27,29 +28,25 @@ const MATTERS_SHARE: f64 = 0.02;
 pub struct Place {
     /// Index of the term.
     pub term: usize,
-    /// Divisions of the domain, a side.
-    pub level: u32,
-    /// Least corner on the grid.
-    pub i: u32,
-    /// Least corner on the grid.
-    pub j: u32,
+    /// The cell.
+    pub cell: Square,
 }
 
 impl Place {
     /// Side on the grid.
     fn side(&self) -> u32 {
-        1u32 << (GRID_BITS - self.level)
+        1u32 << (GRID_BITS - self.cell.level)
     }
 
     /// Side in the domain.
     fn size(&self) -> f64 {
-        1.0 / f64::from(1u32 << self.level)
+        1.0 / f64::from(1u32 << self.cell.level)
     }
 
     /// The grid point nearest to (a, b) of the cell.
     fn at(&self, a: f64, b: f64) -> GridPoint {
         let to = |x: f64| (x * f64::from(self.side()) + 0.5) as u32;
-        GridPoint { i: self.i + to(a), j: self.j + to(b) }
+        GridPoint { i: self.cell.i + to(a), j: self.cell.j + to(b) }
     }
 
     fn corners(&self) -> [GridPoint; 4] {
@@ -76,13 +73,41 @@ impl Quadrature<'_, '_> {
     /// The worth of a cell to about a thousandth of `tolerance` [W/m²] beyond what its interpolant
     /// misses; zero if that is not known yet.
     pub(super) fn estimate(&mut self, place: &Place, tolerance: f64) -> Estimate {
-        let &Place { term, level, .. } = place;
+        self.judge(place, tolerance).unwrap_or_else(|why| {
+            let Term::Through(word, lamp) = self.terms[place.term] else { return Estimate::DARK };
+            let target = self.lamps[lamp].target();
+            if (why == Darkness::NoChain && self.words.is_met_from(word, place.cell))
+                || self.words.reaches_from(word, target, place.cell)
+            {
+                return Estimate { error: self.worth(word, lamp, place), ..Estimate::DARK };
+            }
+            self.dark[place.term].add(place.cell, why);
+            Estimate::DARK
+        })
+    }
+
+    /// What a cell of a word could be worth if it were lit all over [W/m²], by the chains at its
+    /// corners up to the word before.
+    fn worth(&mut self, word: WordId, lamp: usize, place: &Place) -> f64 {
+        let before = self.words.parent(word).unwrap_or(word);
+        let mut most = 0f64;
+        for at in place.corners().into_iter().chain([place.at(0.5, 0.5)]) {
+            if let Some(departure) = self.words.departure(before, at) {
+                most = most.max(departure.weight.v.abs() * departure.lossless_throughput());
+            }
+        }
+        most * place.size() * place.size() * self.lamps[lamp].radiance.luminance()
+    }
+
+    /// The worth of a cell, or why it is dark.
+    fn judge(&mut self, place: &Place, tolerance: f64) -> Result<Estimate, Darkness> {
+        let (term, level) = (place.term, place.cell.level);
         let first = self.first[term];
         let h = place.size();
         if let Term::Through(word, _) = self.terms[term]
             && self.outside_before(word, place)
         {
-            return Estimate::DARK;
+            return Err(Darkness::NoChain);
         }
         let numbers = place.corners().map(|point| self.sample(term, point));
         let light = match &self.terms[term] {
@@ -96,9 +121,9 @@ impl Quadrature<'_, '_> {
         if corners.iter().all(Option::is_none) {
             // A chain that exists nowhere on the corners may still exist inside.
             let centre = self.sample(term, place.at(0.5, 0.5));
-            let Some(centre) = &self.samples[centre] else { return Estimate::DARK };
+            let Some(centre) = &self.samples[centre] else { return Err(Darkness::NoChain) };
             let most = centre.weight[0].v.abs() * h * h * light.radiance.luminance();
-            return Estimate { integral: Rgb::BLACK, error: most, divide: level <= first };
+            return Ok(Estimate { integral: Rgb::BLACK, error: most, divide: level <= first });
         }
         // Criteria 1 and 2 look at the corners alone, before a cell may be called dark: four corners
         // far apart tell little.
@@ -112,22 +137,20 @@ impl Quadrature<'_, '_> {
             && (c.solid_angle.is_some_and(|c| c.divides(&corners, h * h))
                 || c.normal_variation.is_some_and(|c| c.divides(&corners)))
         {
-            return Estimate::DIVIDE;
+            return Ok(Estimate::DIVIDE);
         }
-        let Some(edges) = Interpolant::edges(&corners, h) else { return Estimate::DARK };
+        let edges = Interpolant::edges(&corners, h)?;
         if matters && c.matching_trees.is_some_and(|c| c.divides(&corners, level - first)) {
-            return Estimate::DIVIDE;
+            return Ok(Estimate::DIVIDE);
         }
         let centre = self.sample(term, place.at(0.5, 0.5));
         let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
         let centre = self.samples[centre].as_ref();
         let on = |s: Option<&FieldSample>| s.map_or(Sight::Off, |s| s.sight);
         let (sights, middle) = (corners.map(on), on(centre));
-        let Some(interpolant) = Interpolant::new(&corners, centre, edges, h, light) else {
-            return Estimate::DARK;
-        };
+        let interpolant = Interpolant::new(&corners, centre, edges, h, light)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
-            return Estimate::DARK;
+            return Err(Darkness::NoLight);
         }
         self.with_sights(place, interpolant, sights, middle, tolerance)
     }
@@ -166,7 +189,7 @@ impl Quadrature<'_, '_> {
         sights: [Sight; 4],
         middle: Sight,
         tolerance: f64,
-    ) -> Estimate {
+    ) -> Result<Estimate, Darkness> {
         let term = place.term;
         let (mut integral, mut error) = interpolant.lit(tolerance);
         let whole = interpolant.light.luminance(integral).abs().max(error);
@@ -176,7 +199,7 @@ impl Quadrature<'_, '_> {
             let (a, b) = interpolant.brightest_point();
             if !self.sees(term, place.at(a, b)) {
                 // Hidden, as far as one ray tells.
-                return Estimate { integral: Rgb::BLACK, error: whole, divide: false };
+                return Ok(Estimate { integral: Rgb::BLACK, error: whole, divide: false });
             }
         }
         if any(Sight::Off) {
@@ -184,7 +207,7 @@ impl Quadrature<'_, '_> {
             let ask = |a: f64, b: f64| self.sees(term, place.at(a, b));
             match border(sights.map(seen), seen(middle), ask) {
                 Border::Everything => {}
-                Border::Nothing => return Estimate::DARK,
+                Border::Nothing => return Err(Darkness::NoLight),
                 Border::Cut(patch, doubt) => {
                     integral = interpolant.behind(*patch, tolerance);
                     error = error.min(whole) + (interpolant.most() * doubt).min(whole);
@@ -197,12 +220,13 @@ impl Quadrature<'_, '_> {
         } else if let Term::Direct(field, _) = &self.terms[term] {
             // All five rays are free; a proof is asked for what stands between them.
             let (a, b) = place.at(0.0, 0.0).coordinates();
-            let boxes_count = place.level < self.first[term] + 2;
+            let boxes_count = place.cell.level < self.first[term] + 2;
             if field.may_hide(a, b, place.size(), boxes_count) {
                 error = error.max(whole * HIDDEN_SHARE);
             }
         }
-        Estimate { integral: interpolant.light.irradiance(integral), error, divide: false }
+        let integral = interpolant.light.irradiance(integral);
+        Ok(Estimate { integral, error, divide: false })
     }
 
     /// The most that a cell which a criterion wants divided seems to be worth, lit all over [W/m²].

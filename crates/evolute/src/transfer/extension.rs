@@ -8,7 +8,7 @@ use arrayvec::ArrayVec;
 
 use crate::geometry::{Point3, Ray, Transform, Vector3};
 use crate::optics::{Dual, DualRay, DualVector};
-use crate::surface::{Mesh, Surface, SurfacePoint};
+use crate::surface::{Cylinder, Mesh, Surface, SurfacePoint};
 use crate::trace::Hit;
 
 /// A family of rays on a surface.
@@ -106,7 +106,8 @@ pub fn meet(
         let local = surface.local(&hit.anchor.point)?;
         let x = ray.met(hit.t, &hit.anchor.point.x, &local.ng)?;
         let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
-        let apertures = apertures(surface, primitive, &hit.anchor.point, &x)?;
+        let mut apertures = apertures(surface, primitive, &hit.anchor.point, &x)?;
+        apertures.extend(rim(surface, front, ray, same));
         return Some(Meeting { x, n, point: hit.anchor.point, apertures });
     }
     let (t, point) = match surface {
@@ -151,8 +152,34 @@ pub fn meet(
     let local = surface.local(&point)?;
     let x = ray.met(t, &point.x, &local.ng)?;
     let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);
-    let apertures = apertures(surface, primitive, &point, &x)?;
+    let mut apertures = apertures(surface, primitive, &point, &x)?;
+    apertures.extend(rim(surface, front, ray, same));
     Some(Meeting { x, n, point, apertures })
+}
+
+/// The border that a cylinder's own wall is on the way to its inside.
+fn rim(surface: &Surface, front: bool, ray: &DualRay, same: bool) -> Option<Dual> {
+    match surface {
+        Surface::Cylinder(c) if !same && front != c.faces_outward() => Some(over_the_rim(c, ray)),
+        _ => None,
+    }
+}
+
+/// Positive where a family of rays that comes from outside passes a cylinder's near wall beyond one of
+/// its ends: h (h − 1) of the height h at which it crosses the infinite wall.
+pub fn over_the_rim(cylinder: &Cylinder, ray: &DualRay) -> Dual {
+    let central = Ray::new(Point3::from(ray.o.v), ray.d.v);
+    let crossing = || {
+        let t = cylinder.roots(&central)?[0];
+        let point = cylinder.projected(&central.at(t))?;
+        let n = cylinder.local(&point)?.ng;
+        let x = ray.met(t, &point.x, &n)?;
+        let axis = cylinder.axis().into_inner() / cylinder.length();
+        let h = Dual::new(point.q, x.a.dot(&axis), x.b.dot(&axis));
+        (t > 0.0).then(|| h * (h + -1.0))
+    };
+    // Rays that start inside the infinite cylinder pass no wall.
+    crossing().unwrap_or(Dual::constant(1.0))
 }
 
 fn on_plane(

@@ -11,7 +11,7 @@ use super::shaft::{Body, Shaft};
 use super::word::{GridPoint, WordId, Words};
 use crate::geometry::{Point3, Ray, Vector3};
 use crate::optics::Dual;
-use crate::scene::ShapeId;
+use crate::scene::{Scene, ShapeId};
 use crate::trace::{Anchor, Tracer};
 
 /// Most edge functions of a field; the rest of [`MAX_CONSTRAINTS`] is for the border of shadows.
@@ -34,6 +34,8 @@ pub enum Sight {
 pub struct FieldSample {
     /// Positive where light comes through.
     pub edges: ArrayVec<Dual, MAX_FIELD_EDGES>,
+    /// How many of them, the first, are borders of the chain; the others are the lamp's outline.
+    pub borders: usize,
     /// Irradiance per unit of (a, b) and of radiance, a channel each (only the first, if grey).
     pub weight: [Dual; 3],
     /// Whether something stands in the way.
@@ -118,6 +120,7 @@ impl<'s> DirectField<'s> {
             }
         };
         Some(FieldSample {
+            borders: edges.len(),
             edges,
             weight: [weight; 3],
             sight,
@@ -136,6 +139,7 @@ pub fn sample_through(
     lamp: &Lamp,
     at: GridPoint,
 ) -> Option<FieldSample> {
+    let scene = words.scene();
     let departure = words.departure(word, at)?;
     let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> = departure.edges.iter().copied().collect();
     let outline = lamp.edges(&departure.ray);
@@ -144,8 +148,9 @@ pub fn sample_through(
     let w = departure.weight;
     Some(FieldSample {
         edges,
+        borders: departure.edges.len(),
         weight: departure.throughput.map(|t| w * t),
-        sight: sight(departure, lamp, on_lamp),
+        sight: sight(departure, lamp, scene, on_lamp),
         normal: departure.first_normal,
         direction: departure.ray.d.v,
         solid_angle: departure.solid_angle,
@@ -155,15 +160,13 @@ pub fn sample_through(
 
 /// Whether the last leg reaches the lamp. Where it misses the outline, what it meets instead says
 /// nothing: a wall that touches the lamp's edge is no occluder.
-fn sight(departure: &Departure, lamp: &Lamp, on_outline: bool) -> Sight {
+fn sight(departure: &Departure, lamp: &Lamp, scene: &Scene, on_outline: bool) -> Sight {
     match departure.visible {
         Visibility::Blocked => return Sight::Off,
         Visibility::Beyond => return Sight::Unknown,
         Visibility::Free => {}
     }
-    let on_lamp = departure.next.as_ref().is_some_and(|h| {
-        h.anchor.shape == lamp.shape && lamp.primitive.is_none_or(|p| p == h.anchor.point.primitive)
-    });
+    let on_lamp = departure.next.as_ref().is_some_and(|h| lamp.is_hit(&h.anchor, scene));
     if !lamp.has_outline() {
         // The tracer alone knows; its hits on the back are told by the caller's radiance side.
         return if on_lamp { Sight::On } else { Sight::Off };

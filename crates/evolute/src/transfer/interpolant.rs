@@ -5,6 +5,7 @@ use arrayvec::ArrayVec;
 
 use super::cut::{Integrals, MAX_CONSTRAINTS, Weights, cut_integral};
 use super::field::{FieldSample, MAX_FIELD_EDGES};
+use super::landing::Darkness;
 use super::polynomial::Patch;
 use crate::geometry::Rgb;
 use crate::optics::Dual;
@@ -61,31 +62,37 @@ pub struct Interpolant {
 }
 
 impl Interpolant {
-    /// The edge functions through the corners of a cell of side `h`; `None` if one of them says,
-    /// with a margin for how much it bends, that the cell is dark.
-    pub fn edges(corners: &Corners<'_>, h: f64) -> Option<Edges> {
+    /// The edge functions through the corners of a cell of side `h`.
+    ///
+    /// # Errors
+    ///
+    /// Why the cell is dark, if one of them says so with a margin for how much it bends.
+    pub fn edges(corners: &Corners<'_>, h: f64) -> Result<Edges, Darkness> {
         let missing = corners.iter().filter(|c| c.is_none()).count();
         let count = corners.iter().flatten().map(|c| c.edges.len()).min().unwrap_or(0);
         let mut edges = Edges::new();
         for k in 0..count {
             let patch = hermite(corners, h, |s| s.edges[k]);
             if is_dark(&patch, 1 + missing) {
-                return None;
+                return Err(darkness(corners, k));
             }
             edges.push(patch);
         }
-        Some(edges)
+        Ok(edges)
     }
 
-    /// Takes the centre in; `None` if the cell is dark even with its edges shifted by what they miss
-    /// there.
+    /// Takes the centre in.
+    ///
+    /// # Errors
+    ///
+    /// Why the cell is dark, if it is even with its edges shifted by what they miss there.
     pub fn new(
         corners: &Corners<'_>,
         centre: Option<&FieldSample>,
         edges: Edges,
         h: f64,
         light: Light,
-    ) -> Option<Self> {
+    ) -> Result<Self, Darkness> {
         let left =
             |value: f64, slope: f64| LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
         let mut weights = Weights::new();
@@ -117,14 +124,14 @@ impl Interpolant {
             }
             let (low, high) = patch.bounds();
             if high + shift < 0.0 {
-                return None;
+                return Err(darkness(corners, k));
             }
             if low - shift < 0.0 {
                 cuts.push(patch);
                 shifts.push(shift);
             }
         }
-        Some(Self { light, weights, weight_residual, cuts, shifts })
+        Ok(Self { light, weights, weight_residual, cuts, shifts })
     }
 
     /// Luminance of the largest weight over the whole cell [W/m²].
@@ -170,7 +177,9 @@ impl Interpolant {
         let lit = if full[0].abs() > 0.0 { (wide[0] / full[0]).clamp(0.0, 1.0) } else { 1.0 };
         let straightened = if lit > 0.0 { luminance([straight; 3]) * 0.25 } else { 0.0 };
         let weight_error = luminance([self.weight_residual * lit; 3]).abs();
-        (exact, shift_error + weight_error + straightened)
+        // No cut can be worth more than the whole cell.
+        let cut_error = (shift_error + straightened).min(self.most());
+        (exact, cut_error + weight_error)
     }
 
     /// The integral where one more polynomial is positive, too.
@@ -195,6 +204,12 @@ impl Interpolant {
         }
         best.1
     }
+}
+
+/// What the k-th edge function of a cell tells when it is negative all over.
+fn darkness(corners: &Corners<'_>, k: usize) -> Darkness {
+    let borders = corners.iter().flatten().map(|c| c.borders).min().unwrap_or(0);
+    if k < borders { Darkness::NoChain } else { Darkness::NoLight }
 }
 
 /// Whether an edge function is negative all over a cell, with a margin for how much it bends, times

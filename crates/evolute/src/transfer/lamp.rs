@@ -7,10 +7,13 @@
 
 use arrayvec::ArrayVec;
 
+use super::extension::facet_of;
+use super::landing::Target;
 use crate::geometry::{Matrix3, Point3, Rgb, Transform, Vector3};
 use crate::optics::{Dual, DualRay, DualVector};
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Mesh, Surface};
+use crate::trace::Anchor;
 
 /// Most edge functions of a lamp.
 pub const MAX_LAMP_EDGES: usize = 6;
@@ -18,12 +21,12 @@ pub const MAX_LAMP_EDGES: usize = 6;
 /// outnumber the cells of one.
 const MAX_OUTLINED: usize = 64;
 
-/// One lamp, or one triangle of a lamp.
+/// One lamp, or one flat part of a lamp.
 #[derive(Clone, Debug)]
 pub struct Lamp {
     /// The shape that emits.
     pub shape: ShapeId,
-    /// The triangle, for a small mesh.
+    /// The first triangle of the part, for a small mesh.
     pub primitive: Option<u32>,
     /// Radiance on the front [W/(m² sr)].
     pub radiance: Rgb,
@@ -67,7 +70,7 @@ impl Frame {
 pub type LampEdges = ArrayVec<Dual, MAX_LAMP_EDGES>;
 
 impl Lamp {
-    /// All lamps of a scene, small meshes by triangle.
+    /// All lamps of a scene, small meshes by flat parts.
     pub fn of(scene: &Scene) -> Vec<Self> {
         scene.lamps().flat_map(|id| Self::of_shape(scene, id)).collect()
     }
@@ -98,12 +101,26 @@ impl Lamp {
                 vec![lamp(None, Outline::Ball(s.centre().coords, s.radius()))]
             }
             // Vertex normals say nothing about what a lamp covers.
-            Surface::Mesh(m) if m.triangles().len() <= MAX_OUTLINED => {
-                let frame = |t| Some(lamp(Some(t), Outline::Triangle(triangle_frame(m, t)?)));
-                (0..m.triangles().len() as u32).filter_map(frame).collect()
-            }
+            Surface::Mesh(m) if outlined(&emitter.surface) => (0..m.triangles().len() as u32)
+                .filter(|&t| part_of(m, t) == t)
+                .filter_map(|t| Some(lamp(Some(t), part_outline(m, t)?)))
+                .collect(),
             _ => vec![lamp(None, Outline::Sampled)],
         }
+    }
+
+    /// What a chain meets that lands on it.
+    pub fn target(&self) -> Target {
+        Target { shape: self.shape, primitive: self.primitive, front: true, lamp: true }
+    }
+
+    /// Whether a hit is on it.
+    pub fn is_hit(&self, anchor: &Anchor, scene: &Scene) -> bool {
+        anchor.shape == self.shape
+            && self.primitive.is_none_or(|part| match &scene.shape(self.shape).surface {
+                Surface::Mesh(m) => part_of(m, anchor.point.primitive) == part,
+                _ => true,
+            })
     }
 
     /// Whether [`Self::edges`] describes the lamp; else only the tracer knows what hits it.
@@ -159,11 +176,28 @@ impl Lamp {
     }
 }
 
-fn triangle_frame(mesh: &Mesh, triangle: u32) -> Option<Frame> {
-    let [v0, v1, v2] = mesh.corners(triangle);
+/// Whether the flat parts of a surface are lamps of their own.
+pub fn outlined(surface: &Surface) -> bool {
+    matches!(surface, Surface::Mesh(m) if m.triangles().len() <= MAX_OUTLINED)
+}
+
+/// The number of the lamp among a mesh's flat parts that a triangle belongs to. Two triangles that
+/// make a parallelogram are one lamp: the diagonal between them is no edge of light.
+pub fn part_of(mesh: &Mesh, triangle: u32) -> u32 {
+    if mesh.is_smooth() { triangle } else { facet_of(mesh, triangle).id }
+}
+
+/// The outline of the flat part that a triangle is the first of.
+fn part_outline(mesh: &Mesh, triangle: u32) -> Option<Outline> {
     // Vertex normals, where there are any, say which side is the front.
-    let middle = mesh.local(&mesh.at(triangle, 1.0 / 3.0, 1.0 / 3.0))?;
-    Frame::new(v0.coords, v1 - v0, v2 - v0, middle.ng.into_inner())
+    let front = mesh.local(&mesh.at(triangle, 1.0 / 3.0, 1.0 / 3.0))?.ng.into_inner();
+    let facet = facet_of(mesh, triangle);
+    if facet.quad && !mesh.is_smooth() {
+        let [e1, e2] = facet.edges.map(|e| e * 0.5);
+        return Some(Outline::Square(Frame::new(facet.origin.coords + e1 + e2, e1, e2, front)?));
+    }
+    let [v0, v1, v2] = mesh.corners(triangle);
+    Some(Outline::Triangle(Frame::new(v0.coords, v1 - v0, v2 - v0, front)?))
 }
 
 /// Height o above the lamp, descent m, and the crossing point times m.

@@ -14,6 +14,7 @@ mod extension;
 mod field;
 mod interpolant;
 mod lamp;
+mod landing;
 mod polynomial;
 mod quadrature;
 mod settings;

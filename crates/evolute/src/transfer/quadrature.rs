@@ -7,11 +7,14 @@
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
+use arrayvec::ArrayVec;
+
 use super::criteria::Criteria;
 use super::estimate::Place;
 use super::field::{DirectField, FieldSample, sample_through};
 use super::lamp::Lamp;
-use super::settings::Counts;
+use super::landing::{DarkCells, Square, Target};
+use super::settings::{Counts, WordShare};
 use super::unseen::Brake;
 use super::word::{GRID_BITS, GridHasher, GridPoint, WordId, Words};
 use crate::geometry::Rgb;
@@ -34,9 +37,7 @@ pub enum Term<'s> {
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     term: u32,
-    level: u32,
-    i: u32,
-    j: u32,
+    square: Square,
     integral: Rgb,
     error: f64,
     leaf: bool,
@@ -76,6 +77,10 @@ pub struct Quadrature<'s, 'l> {
     /// Level of each term's first grid.
     pub(super) first: Vec<u32>,
     pub(super) samples: Vec<Option<FieldSample>>,
+    /// Each term's cells that are held dark.
+    pub(super) dark: Vec<DarkCells>,
+    /// Terms of a word, by its number.
+    terms_of: Vec<Vec<u32>>,
     /// Numbers of each term's samples by grid point.
     sampled: Vec<HashMap<u64, u32, GridHasher>>,
     cells: Vec<Cell>,
@@ -102,6 +107,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             terms: Vec::new(),
             first: Vec::new(),
             samples: Vec::new(),
+            dark: Vec::new(),
+            terms_of: Vec::new(),
             sampled: Vec::new(),
             cells: Vec::new(),
             queue: BinaryHeap::new(),
@@ -136,14 +143,20 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     /// Adds a term with its first grid of 4^`first` cells.
     pub fn add(&mut self, term: Term<'s>, first: u32, tolerance: f64) {
         let index = self.terms.len() as u32;
+        if let Term::Through(word, _) = term {
+            let word = word.0 as usize;
+            self.terms_of.resize_with(self.terms_of.len().max(word + 1), Vec::new);
+            self.terms_of[word].push(index);
+        }
         self.terms.push(term);
         self.first.push(first);
+        self.dark.push(DarkCells::default());
         self.sampled.push(HashMap::default());
         let n = 1u32 << first;
         let step = 1u32 << (GRID_BITS - first);
         for i in 0..n {
             for j in 0..n {
-                self.place(index, first, i * step, j * step, tolerance);
+                self.place(index, Square { level: first, i: i * step, j: j * step }, tolerance);
             }
         }
     }
@@ -173,25 +186,21 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     }
 
     fn divide(&mut self, cell: &Cell, tolerance: f64) {
-        let half = 1u32 << (GRID_BITS - cell.level - 1);
+        let Square { level, i, j } = cell.square;
+        let half = 1u32 << (GRID_BITS - level - 1);
         for (di, dj) in [(0, 0), (half, 0), (0, half), (half, half)] {
-            self.place(cell.term, cell.level + 1, cell.i + di, cell.j + dj, tolerance);
+            let child = Square { level: level + 1, i: i + di, j: j + dj };
+            self.place(cell.term, child, tolerance);
         }
     }
 
-    fn place(&mut self, term: u32, level: u32, i: u32, j: u32, tolerance: f64) {
+    fn place(&mut self, term: u32, square: Square, tolerance: f64) {
         self.counts.cells += 1;
-        let place = Place { term: term as usize, level, i, j };
+        let level = square.level;
+        let place = Place { term: term as usize, cell: square };
         let estimate = self.estimate(&place, tolerance);
-        let mut cell = Cell {
-            term,
-            level,
-            i,
-            j,
-            integral: estimate.integral,
-            error: estimate.error,
-            leaf: true,
-        };
+        let mut cell =
+            Cell { term, square, integral: estimate.integral, error: estimate.error, leaf: true };
         if estimate.divide && level < LAST_LEVEL {
             if !self.brake.asked_at_division() {
                 return self.divide(&cell, tolerance);
@@ -213,6 +222,39 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         }
     }
 
+    /// Takes up cells that are held dark and into which chains were traced since that say otherwise.
+    pub fn open_dark(&mut self, tolerance: f64) {
+        loop {
+            let fresh = self.words.take_fresh();
+            if fresh.is_empty() {
+                return;
+            }
+            for (word, target, at) in fresh {
+                let words: ArrayVec<WordId, 2> = if target.lamp {
+                    ArrayVec::from_iter([word])
+                } else {
+                    self.words.children_at(word, target).collect()
+                };
+                for word in words {
+                    for k in 0..self.terms_of.get(word.0 as usize).map_or(0, Vec::len) {
+                        self.open(self.terms_of[word.0 as usize][k], target, at, tolerance);
+                    }
+                }
+            }
+        }
+    }
+
+    fn open(&mut self, term: u32, target: Target, at: GridPoint, tolerance: f64) {
+        let Term::Through(_, lamp) = self.terms[term as usize] else { return };
+        if target.lamp && self.lamps[lamp].target() != target {
+            return;
+        }
+        let first = self.first[term as usize];
+        if let Some(cell) = self.dark[term as usize].take(at, first, target.lamp) {
+            self.place(term, cell, tolerance);
+        }
+    }
+
     /// Direct and specular parts and the error, leaves added up anew in their order.
     pub fn totals(&self) -> (Rgb, Rgb, f64) {
         let (mut direct, mut specular, mut error) = (Rgb::BLACK, Rgb::BLACK, 0.0);
@@ -226,18 +268,29 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         (direct, specular, error)
     }
 
-    /// Irradiance by word.
-    pub fn by_word(&self) -> Vec<(WordId, Rgb)> {
-        let mut list: Vec<(WordId, Rgb)> = Vec::new();
-        for cell in self.cells.iter().filter(|c| c.leaf) {
+    /// What each word brings, in the words' order; those that bring nothing, too.
+    pub fn by_word(&self) -> Vec<WordShare> {
+        let mut shares: Vec<WordShare> = self
+            .words
+            .ids()
+            .map(|word| WordShare {
+                letters: self.words.letters(word).iter().map(|s| (s.shape, s.event)).collect(),
+                irradiance: Rgb::BLACK,
+                error: 0.0,
+                counts: Counts { chains: self.words.chains(word), ..Counts::default() },
+            })
+            .collect();
+        for cell in &self.cells {
             if let Term::Through(word, _) = self.terms[cell.term as usize] {
-                match list.iter_mut().find(|(w, _)| *w == word) {
-                    Some((_, sum)) => *sum += cell.integral,
-                    None => list.push((word, cell.integral)),
+                let share = &mut shares[word.0 as usize];
+                share.counts.cells += 1;
+                if cell.leaf {
+                    share.irradiance += cell.integral;
+                    share.error += cell.error;
                 }
             }
         }
-        list
+        shares
     }
 
     /// The number of the term's sample at a grid point; neighbouring cells share it.

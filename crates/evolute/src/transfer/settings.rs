@@ -102,4 +102,8 @@ pub struct WordShare {
     pub letters: Vec<(ShapeId, Event)>,
     /// Irradiance [W/m²].
     pub irradiance: Rgb,
+    /// Share of the estimated error of the luminance [W/m²].
+    pub error: f64,
+    /// Chains traced for it and cells integrated, all lamps together.
+    pub counts: Counts,
 }

@@ -28,6 +28,8 @@ const COARSE_THROUGHPUT: f64 = 0.1;
 const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 /// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
 const MAX_SUSPECTS: usize = 64;
+/// Known chains that are looked at where a coarse grid finds none of a word.
+const MOST_LANDINGS: usize = 9;
 /// Most words a receiver follows; what is beyond is added to the error.
 const MAX_WORDS: usize = 512;
 
@@ -66,6 +68,8 @@ impl<'s> Transfer<'s> {
         let mut met = true;
         loop {
             let allowed = tolerance(&quadrature, &closed);
+            quadrature.open_dark(allowed);
+            let allowed = tolerance(&quadrature, &closed);
             if quadrature.error() + left.error() <= allowed
                 || self.settings.criteria.quadrature.is_none()
             {
@@ -101,19 +105,10 @@ impl<'s> Transfer<'s> {
             }
         }
         let (direct, specular, error) = quadrature.totals();
-        let shares = quadrature
-            .by_word()
-            .into_iter()
-            .map(|(word, irradiance)| WordShare {
-                letters: quadrature
-                    .words
-                    .letters(word)
-                    .iter()
-                    .map(|s| (s.shape, s.event))
-                    .collect(),
-                irradiance,
-            })
-            .collect();
+        let mut shares = quadrature.by_word();
+        for word in &left.words {
+            shares[word.word.0 as usize].error += word.error;
+        }
         let light = ReceiverLight {
             direct: direct + closed,
             specular,
@@ -351,6 +346,19 @@ struct Look {
     reaches: bool,
 }
 
+impl Look {
+    /// Looks at one chain of the word.
+    fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) {
+        let Some(departure) = words.departure(word, at) else { return };
+        if departure.visible == Visibility::Free && departure.edges.iter().all(|e| e.v >= 0.0) {
+            let weight = departure.weight.v.max(0.0);
+            self.passed += weight * departure.lossless_throughput();
+            self.offered += weight;
+        }
+        self.reaches |= departure.visible != Visibility::Blocked;
+    }
+}
+
 fn look(words: &mut Words<'_>, word: WordId) -> Look {
     let mut look = Look { passed: 0.0, offered: 0.0, reaches: false };
     let mut count = 0.0;
@@ -358,18 +366,15 @@ fn look(words: &mut Words<'_>, word: WordId) -> Look {
     for at in grid(COARSE_LEVEL) {
         count += 1.0;
         // Where the word before is not, this one is not either.
-        if parent.is_some_and(|parent| !words.is_legal(parent, at)) {
-            continue;
+        if parent.is_none_or(|parent| words.is_legal(parent, at)) {
+            look.ask(words, word, at);
         }
-        let Some(departure) = words.departure(word, at) else { continue };
-        if departure.visible == Visibility::Free && departure.edges.iter().all(|e| e.v >= 0.0) {
-            let throughput = departure.throughput.iter().fold(0f64, |m, t| m.max(t.v));
-            let weight = departure.weight.v.max(0.0);
-            // Whatever follows cannot add radiance but for leaving the medium again.
-            look.passed += weight * throughput / departure.radiance_scale;
-            look.offered += weight;
+    }
+    if look.passed == 0.0 {
+        // An island between the grid's points; it cannot be much larger than one point's share.
+        for at in words.met_at(word, MOST_LANDINGS) {
+            look.ask(words, word, at);
         }
-        look.reaches |= departure.visible != Visibility::Blocked;
     }
     look.passed /= count;
     look.offered /= count;

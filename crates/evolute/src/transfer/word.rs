@@ -9,6 +9,8 @@ use arrayvec::ArrayVec;
 use super::chain::{Arrival, Departure, Step, Visibility, depart, events};
 use super::domain::Domain;
 use super::extension::{facet_of, is_faceted, meet};
+use super::lamp::{outlined, part_of};
+use super::landing::{Landings, Square, Target};
 use super::settings::{Counts, Receiver};
 use crate::geometry::Ray;
 use crate::optics::{Dual, DualRay};
@@ -62,6 +64,8 @@ struct Word {
     grey: bool,
     departures: HashMap<u64, Option<Box<Departure>>, GridHasher>,
     discovered: Vec<Step>,
+    children: Vec<WordId>,
+    landings: Landings,
 }
 
 /// The first leg at a grid point: shared by the events at the first surface.
@@ -80,6 +84,8 @@ pub struct Words<'s> {
     contacts: ArrayVec<Anchor, 8>,
     roots: Vec<Root<'s>>,
     words: Vec<Word>,
+    /// Landings that nobody has looked at yet.
+    fresh: Vec<(WordId, Target, GridPoint)>,
     /// Work done so far.
     pub counts: Counts,
 }
@@ -95,8 +101,14 @@ impl<'s> Words<'s> {
             contacts,
             roots: Vec::new(),
             words: Vec::new(),
+            fresh: Vec::new(),
             counts: Counts::default(),
         }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'s Scene {
+        self.scene
     }
 
     /// Adds the words of one event each at `shape`; their ids.
@@ -157,9 +169,10 @@ impl<'s> Words<'s> {
         };
         let mut ids = Vec::new();
         for step in steps {
-            let known = self.words.iter().any(|w| {
-                matches!(w.source, Source::After(p) if p == word) && w.step.same_letter(&step)
-            });
+            let known = self.words[word.0 as usize]
+                .children
+                .iter()
+                .any(|child| self.words[child.0 as usize].step.same_letter(&step));
             if !known {
                 ids.push(self.add(Source::After(word), step, depth, grey));
             }
@@ -185,8 +198,14 @@ impl<'s> Words<'s> {
             grey,
             departures: HashMap::default(),
             discovered: Vec::new(),
+            children: Vec::new(),
+            landings: Landings::default(),
         });
-        WordId(self.words.len() as u32 - 1)
+        let id = WordId(self.words.len() as u32 - 1);
+        if let Source::After(parent) = source {
+            self.words[parent.0 as usize].children.push(id);
+        }
+        id
     }
 
     /// Whose words they are.
@@ -206,6 +225,16 @@ impl<'s> Words<'s> {
     pub fn is_legal(&mut self, word: WordId, at: GridPoint) -> bool {
         self.departure(word, at)
             .is_some_and(|d| d.visible == Visibility::Free && d.edges.iter().all(|e| e.v >= 0.0))
+    }
+
+    /// All words.
+    pub fn ids(&self) -> impl Iterator<Item = WordId> + use<> {
+        (0..self.words.len() as u32).map(WordId)
+    }
+
+    /// Chains of a word that are kept.
+    pub fn chains(&self, word: WordId) -> u64 {
+        self.words[word.0 as usize].departures.len() as u64
     }
 
     /// Forgets a word's departures; they are traced again when they are asked for.
@@ -263,29 +292,91 @@ impl<'s> Words<'s> {
             let next = self.tracer.nearest(&ray, f64::INFINITY, &[departure.anchor]);
             departure.next = next;
             if let Some(hit) = next {
-                self.discover(word, &departure.ray, &hit);
+                let legal = departure.edges.iter().all(|e| e.v > 0.0);
+                self.discover(word, at, &departure.ray, &hit, legal);
             }
         }
         Some(departure)
     }
 
-    /// Notes which letters could follow.
-    fn discover(&mut self, word: WordId, ray: &DualRay, hit: &Hit) {
+    /// Notes which letters could follow, and where a legal chain landed.
+    fn discover(&mut self, word: WordId, at: GridPoint, ray: &DualRay, hit: &Hit, legal: bool) {
         let shape = self.scene.shape(hit.anchor.shape);
-        if !shape.material.is_specular() {
+        let (specular, lamp) = (shape.material.is_specular(), !shape.radiance.is_black());
+        if !specular && !lamp {
             return;
         }
         let Some(local) = shape.surface.local(&hit.anchor.point) else { return };
         let front = ray.d.v.dot(&local.ng) < 0.0;
-        let primitive = facet(&shape.surface, &hit.anchor);
-        for event in events(&shape.material, front) {
-            let step =
-                Step { shape: hit.anchor.shape, primitive, front, event, hint: hit.anchor.point };
-            let list = &mut self.words[word.0 as usize].discovered;
-            if !list.iter().any(|s| s.same_letter(&step)) {
-                list.push(step);
+        let mut landed = |target: Target| {
+            if legal {
+                self.words[word.0 as usize].landings.add(target, at);
+                self.fresh.push((word, target, at));
+            }
+        };
+        if lamp && front {
+            let primitive = match &shape.surface {
+                Surface::Mesh(m) if outlined(&shape.surface) => {
+                    Some(part_of(m, hit.anchor.point.primitive))
+                }
+                _ => None,
+            };
+            landed(Target { shape: hit.anchor.shape, primitive, front, lamp: true });
+        }
+        if specular {
+            let primitive = facet(&shape.surface, &hit.anchor);
+            landed(Target { shape: hit.anchor.shape, primitive, front, lamp: false });
+            for event in events(&shape.material, front) {
+                let step = Step {
+                    shape: hit.anchor.shape,
+                    primitive,
+                    front,
+                    event,
+                    hint: hit.anchor.point,
+                };
+                let list = &mut self.words[word.0 as usize].discovered;
+                if !list.iter().any(|s| s.same_letter(&step)) {
+                    list.push(step);
+                }
             }
         }
+    }
+
+    /// The landings that were not asked for before: word, what was met, from where.
+    pub fn take_fresh(&mut self) -> Vec<(WordId, Target, GridPoint)> {
+        std::mem::take(&mut self.fresh)
+    }
+
+    /// The words after `word` whose last letter is at the target.
+    pub fn children_at(&self, word: WordId, target: Target) -> impl Iterator<Item = WordId> + '_ {
+        let children = &self.words[word.0 as usize].children;
+        children.iter().copied().filter(move |child| self.letter(*child) == target)
+    }
+
+    /// Where the last letter of a word is.
+    fn letter(&self, word: WordId) -> Target {
+        let Step { shape, primitive, front, .. } = self.words[word.0 as usize].step;
+        Target { shape, primitive, front, lamp: false }
+    }
+
+    /// Whether a legal chain of the word before was seen to meet the word's last letter from inside
+    /// the cell.
+    pub fn is_met_from(&self, word: WordId, cell: Square) -> bool {
+        self.parent(word).is_some_and(|parent| {
+            self.words[parent.0 as usize].landings.any(self.letter(word), cell)
+        })
+    }
+
+    /// Whether a legal chain of the word was seen to reach a lamp from inside the cell.
+    pub fn reaches_from(&self, word: WordId, lamp: Target, cell: Square) -> bool {
+        self.words[word.0 as usize].landings.any(lamp, cell)
+    }
+
+    /// Up to `count` points at which legal chains of the word before met the word's last letter.
+    pub fn met_at(&self, word: WordId, count: usize) -> Vec<GridPoint> {
+        self.parent(word).map_or_else(Vec::new, |parent| {
+            self.words[parent.0 as usize].landings.some(self.letter(word), count)
+        })
     }
 
     fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
@@ -319,6 +410,12 @@ impl<'s> Words<'s> {
             visible: if free { Visibility::Free } else { Visibility::Blocked },
         };
         arrival.push_edge(cos_1);
+        if let Some(rim) = self.roots[root].domain.rim(&first) {
+            arrival.push_edge(rim);
+            if rim.v <= 0.0 {
+                arrival.visible = Visibility::Beyond;
+            }
+        }
         if !self.roots[root].domain.one_sided() {
             let facing = first.d.dot(&first.n);
             arrival.push_edge(if step.front { -facing } else { facing });

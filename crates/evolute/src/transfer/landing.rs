@@ -1,0 +1,175 @@
+//! Landings: where traced chains of a word went next, kept in the order of the domain.
+//!
+//! A cell whose corners see nothing may hold light all the same: the region from which a curved mirror
+//! is met a second time is an island with no smooth border function around it. What is known inside
+//! such a cell are the chains that other cells, other lamps and bisections traced there. One of them
+//! that went where the cell says nothing goes contradicts it.
+
+use std::collections::{BTreeSet, HashMap};
+
+use super::quadrature::LAST_LEVEL;
+use super::word::{GRID_BITS, GridHasher, GridPoint};
+use crate::scene::ShapeId;
+
+/// What a chain met: a letter that may follow, or a lamp.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Target {
+    /// The surface.
+    pub shape: ShapeId,
+    /// The facet or the lamp's triangle, where each counts on its own.
+    pub primitive: Option<u32>,
+    /// Whether it was met on its front.
+    pub front: bool,
+    /// Whether it was met as a lamp.
+    pub lamp: bool,
+}
+
+/// A cell of a domain: least corner on the grid, divisions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Square {
+    /// Divisions of the domain, a side.
+    pub level: u32,
+    /// Least corner on the grid.
+    pub i: u32,
+    /// Least corner on the grid.
+    pub j: u32,
+}
+
+impl Square {
+    /// The cell of a level that holds a grid point (points on a lower border belong to it, those on
+    /// an upper one do not).
+    fn around(at: GridPoint, level: u32) -> Self {
+        let inside = !((1u32 << (GRID_BITS - level)) - 1);
+        Self { level, i: at.i & inside, j: at.j & inside }
+    }
+
+    fn key(&self) -> u64 {
+        GridPoint { i: self.i, j: self.j }.key() | (u64::from(self.level) << 58)
+    }
+}
+
+/// Landings of one word's chains.
+#[derive(Default)]
+pub struct Landings(BTreeSet<(Target, u64)>);
+
+impl Landings {
+    /// Notes a landing.
+    pub fn add(&mut self, target: Target, at: GridPoint) {
+        self.0.insert((target, along_curve(at)));
+    }
+
+    /// Whether a chain from inside the cell met the target.
+    pub fn any(&self, target: Target, cell: Square) -> bool {
+        let from = along_curve(GridPoint { i: cell.i, j: cell.j });
+        let to = from + (1u64 << (2 * (GRID_BITS - cell.level)));
+        self.0.range((target, from)..(target, to)).next().is_some()
+    }
+
+    /// Up to `count` points, spread over the domain, from which the target was met.
+    pub fn some(&self, target: Target, count: usize) -> Vec<GridPoint> {
+        let all: Vec<u64> =
+            self.0.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| *code).collect();
+        let stride = all.len().div_ceil(count.max(1)).max(1);
+        all.into_iter().step_by(stride).map(point).collect()
+    }
+}
+
+/// Cells of one term that are held dark.
+#[derive(Default)]
+pub struct DarkCells(HashMap<u64, Darkness, GridHasher>);
+
+/// Why a cell is held dark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Darkness {
+    /// The word's chains do not exist there, or are outside its borders.
+    NoChain,
+    /// They exist and miss the lamp, or are hidden from it.
+    NoLight,
+}
+
+impl DarkCells {
+    /// Notes a dark cell.
+    pub fn add(&mut self, cell: Square, why: Darkness) {
+        self.0.insert(cell.key(), why);
+    }
+
+    /// Takes out the dark cell that holds a grid point, if one does and is dark for a reason that a
+    /// chain which met the letter (not the lamp) contradicts, or for any if it met the lamp.
+    pub fn take(&mut self, at: GridPoint, first: u32, met_lamp: bool) -> Option<Square> {
+        if self.0.is_empty() {
+            return None;
+        }
+        let cells = (first..=LAST_LEVEL).map(|level| Square::around(at, level));
+        let found = cells.into_iter().find(|cell| {
+            self.0.get(&cell.key()).is_some_and(|why| met_lamp || *why == Darkness::NoChain)
+        })?;
+        self.0.remove(&found.key());
+        Some(found)
+    }
+}
+
+/// Number of a grid point along a Z-shaped curve, which runs through each cell in one piece.
+fn along_curve(at: GridPoint) -> u64 {
+    spread(at.i) << 1 | spread(at.j)
+}
+
+fn point(code: u64) -> GridPoint {
+    GridPoint { i: gather(code >> 1), j: gather(code) }
+}
+
+/// Puts a zero between bits.
+fn spread(x: u32) -> u64 {
+    let mut x = u64::from(x);
+    x = (x | x << 16) & 0x0000_ffff_0000_ffff;
+    x = (x | x << 8) & 0x00ff_00ff_00ff_00ff;
+    x = (x | x << 4) & 0x0f0f_0f0f_0f0f_0f0f;
+    x = (x | x << 2) & 0x3333_3333_3333_3333;
+    (x | x << 1) & 0x5555_5555_5555_5555
+}
+
+fn gather(x: u64) -> u32 {
+    let mut x = x & 0x5555_5555_5555_5555;
+    x = (x | x >> 1) & 0x3333_3333_3333_3333;
+    x = (x | x >> 2) & 0x0f0f_0f0f_0f0f_0f0f;
+    x = (x | x >> 4) & 0x00ff_00ff_00ff_00ff;
+    x = (x | x >> 8) & 0x0000_ffff_0000_ffff;
+    ((x | x >> 16) & 0xffff_ffff) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    const TARGET: Target = Target { shape: ShapeId(3), primitive: None, front: true, lamp: false };
+
+    #[test]
+    fn landings_are_found_in_the_cells_that_hold_them() {
+        let mut landings = Landings::default();
+        let mut dark = DarkCells::default();
+        let points: Vec<GridPoint> = (0..200u32)
+            .map(|k| GridPoint { i: k * 83_701 % (1 << 24), j: k * 5_915_587 % (1 << 24) })
+            .collect();
+        for at in &points {
+            landings.add(TARGET, *at);
+            for level in 3..=LAST_LEVEL {
+                assert!(landings.any(TARGET, Square::around(*at, level)));
+                assert!(!landings.any(Target { lamp: true, ..TARGET }, Square::around(*at, level)));
+            }
+        }
+        let n = 1u32 << (GRID_BITS - 6);
+        for (i, j) in (0..64).flat_map(|i| (0..64).map(move |j| (i * n, j * n))) {
+            let cell = Square { level: 6, i, j };
+            let inside =
+                points.iter().any(|p| (i..i + n).contains(&p.i) && (j..j + n).contains(&p.j));
+            assert_eq!(landings.any(TARGET, cell), inside);
+        }
+        let spread = landings.some(TARGET, 10);
+        assert!(spread.len() == 10 && spread.iter().all(|p| points.contains(p)));
+        let cell = Square::around(points[7], 5);
+        dark.add(cell, Darkness::NoLight);
+        assert_eq!(dark.take(points[7], 3, false), None);
+        assert_eq!(dark.take(points[7], 3, true), Some(cell));
+        assert_eq!(dark.take(points[7], 3, true), None);
+    }
+}
