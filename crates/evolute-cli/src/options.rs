@@ -96,12 +96,18 @@ fn definition(text: &str) -> Result<(String, String), String> {
 
 /// `640x480`
 pub fn size(text: &str) -> Result<(u32, u32), String> {
-    // A pixel either way; how many a picture may have together is for render to say.
     const LARGEST: u32 = 32_768;
+    // As for a scene's film; while they are made, so many pixels take some 16 GiB.
+    const MOST_PIXELS: u64 = 1 << 26;
     let parse = |s: &str| s.parse::<u32>().ok().filter(|n| (1..=LARGEST).contains(n));
-    text.split_once(['x', 'X', '×'])
+    let (width, height) = text
+        .split_once(['x', 'X', '×'])
         .and_then(|(w, h)| Some((parse(w)?, parse(h)?)))
-        .ok_or_else(|| format!("write WIDTHxHEIGHT, each from 1 to {LARGEST}"))
+        .ok_or_else(|| format!("write WIDTHxHEIGHT, each from 1 to {LARGEST}"))?;
+    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+        return Err(format!("that is too large: at most {MOST_PIXELS} pixels in all"));
+    }
+    Ok((width, height))
 }
 
 /// A finite number of stops.
@@ -120,7 +126,7 @@ mod tests {
     #[test]
     fn sizes() {
         assert_eq!(size("640x480"), Ok((640, 480)));
-        for wrong in ["640", "x480", "0x10", "10x-1", "99999x1", "axb", ""] {
+        for wrong in ["640", "x480", "0x10", "10x-1", "99999x1", "9000x9000", "axb", ""] {
             assert!(size(wrong).is_err(), "{wrong}");
         }
     }

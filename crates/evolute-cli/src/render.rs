@@ -74,8 +74,6 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
                 .into(),
         ));
     };
-    let film = (sensor.film.width, sensor.film.height);
-    check_size(arguments.size, film)?;
     let tracer = Tracer::new(&scene);
     let transfer = session::transfer_settings(&scene, common);
     let settings = ViewSettings { transfer, size: arguments.size };
@@ -158,21 +156,6 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         ));
     }
     Ok(())
-}
-
-/// Refuses pictures that no memory holds.
-fn check_size(asked: Option<(u32, u32)>, film: (u32, u32)) -> Result<(), Failure> {
-    // 8192 × 8192 pixels take some 16 GiB while they are made.
-    const MOST_PIXELS: u64 = 1 << 26;
-    let (width, height) = asked.unwrap_or(film);
-    if u64::from(width) * u64::from(height) <= MOST_PIXELS {
-        return Ok(());
-    }
-    let text = format!(
-        "a picture of {width} × {height} pixels is too large; ask for at most {MOST_PIXELS} pixels \
-         with --size"
-    );
-    Err(if asked.is_some() { Failure::Usage(text) } else { Failure::Input(text) })
 }
 
 /// The files to write.
