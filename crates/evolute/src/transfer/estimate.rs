@@ -148,11 +148,17 @@ impl Quadrature<'_, '_> {
         let centre = self.samples[centre].as_ref();
         let on = |s: Option<&FieldSample>| s.map_or(Sight::Off, |s| s.sight);
         let (sights, middle) = (corners.map(on), on(centre));
+        // Off although it is on the outline: something hides the lamp itself there.
+        let hidden = corners
+            .iter()
+            .chain([&centre])
+            .flatten()
+            .any(|s| s.sight == Sight::Off && s.is_inside());
         let interpolant = Interpolant::new(&corners, centre, edges, h, light)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
             return Err(Darkness::NoLight);
         }
-        self.with_sights(place, interpolant, sights, middle, tolerance)
+        self.with_sights(place, interpolant, (sights, middle, hidden), tolerance)
     }
 
     /// Whether the cell lies outside the borders of the word before the last letter: then no chain of
@@ -180,14 +186,13 @@ impl Quadrature<'_, '_> {
         })
     }
 
-    /// The worth of an interpolated cell under what sampling alone sees: occluders, chains that do
-    /// not exist.
+    /// The worth of an interpolated cell under what sampling alone sees (at the corners, at the centre,
+    /// and whether any sample on the lamp's outline is hidden): occluders, chains that do not exist.
     fn with_sights(
         &mut self,
         place: &Place,
         mut interpolant: Interpolant,
-        sights: [Sight; 4],
-        middle: Sight,
+        (sights, middle, hidden): ([Sight; 4], Sight, bool),
         tolerance: f64,
     ) -> Result<Estimate, Darkness> {
         let term = place.term;
@@ -198,6 +203,11 @@ impl Quadrature<'_, '_> {
             // None of the five rays is lit; ask where the polynomials say that most light is.
             let (a, b) = interpolant.brightest_point();
             if !self.sees(term, place.at(a, b)) {
+                // Where a sample on the outline is hidden, too, the lit part is sampled as densely as a
+                // cell of which all five rays are hidden.
+                if hidden {
+                    return Err(Darkness::NoLight);
+                }
                 // Hidden, as far as one ray tells.
                 return Ok(Estimate { integral: Rgb::BLACK, error: whole, divide: false });
             }

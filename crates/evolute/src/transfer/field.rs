@@ -50,6 +50,13 @@ pub struct FieldSample {
     pub next: Option<ShapeId>,
 }
 
+impl FieldSample {
+    /// Whether all edge functions are positive.
+    pub fn is_inside(&self) -> bool {
+        self.edges.iter().all(|e| e.v > 0.0)
+    }
+}
+
 /// A lamp seen directly, through the domain of its own surface.
 pub struct DirectField<'s> {
     domain: Domain<'s>,

@@ -197,15 +197,15 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     fn place(&mut self, term: u32, square: Square, tolerance: f64) {
         self.counts.cells += 1;
         let level = square.level;
-        let place = Place { term: term as usize, cell: square };
-        let estimate = self.estimate(&place, tolerance);
+        let estimate = self.estimate(&Place { term: term as usize, cell: square }, tolerance);
         let mut cell =
             Cell { term, square, integral: estimate.integral, error: estimate.error, leaf: true };
         if estimate.divide && level < LAST_LEVEL {
             if !self.brake.asked_at_division() {
                 return self.divide(&cell, tolerance);
             }
-            cell.error = cell.error.max(self.undivided(&place));
+            cell.error =
+                cell.error.max(self.undivided(&Place { term: term as usize, cell: square }));
         }
         if cell.integral.is_black() && cell.error == 0.0 {
             return;
