@@ -44,7 +44,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         summary.set("film", json!({ "width": film.width, "height": film.height }));
     }
     if !common.json {
-        print!("{}", report(&scene, settings.absolute, common));
+        session::print(report(&scene, settings.absolute, common).as_bytes())?;
     }
     Ok(())
 }
@@ -90,7 +90,7 @@ fn side(shape: &Shape, side: &SideMaterial) -> String {
 /// The same for people.
 fn report(scene: &Scene, absolute: f64, common: &Common) -> String {
     let factor = common.unit_factor();
-    let unit = if common.photometric { "lm" } else { "W" };
+    let [flux_unit, irradiance_unit, radiance_unit] = common.units();
     let mut text = String::new();
     let mut line = |s: String| text += &(s + "\n");
     line(format!("scene '{}': {} shapes", scene.name, scene.shapes.len()));
@@ -107,24 +107,26 @@ fn report(scene: &Scene, absolute: f64, common: &Common) -> String {
         if !shape.radiance.is_black() {
             let flux = shape.emitted_flux() * factor;
             line(format!(
-                "    lamp: {:.4} {unit}, radiance {:?} W/(m² sr)",
+                "    lamp: {:.4} {flux_unit}, radiance {:?} {radiance_unit}",
                 flux.luminance(),
-                shape.radiance.0
+                (shape.radiance * factor).0
             ));
         }
     }
-    line(format!("emitted flux {:.4} {unit}", scene.emitted_flux().luminance() * factor));
+    line(format!("emitted flux {:.4} {flux_unit}", scene.emitted_flux().luminance() * factor));
     line(format!("surface area {:.4} m² (both sides)", scene.surface_area()));
     line(format!(
-        "tolerance at a receiver: {} of its irradiance, not below {absolute:.3e} W/m²",
-        common.accuracy
+        "tolerance at a receiver: {} of its irradiance, not below {:.3e} {irradiance_unit}",
+        common.accuracy,
+        absolute * factor
     ));
     match scene.sensors.first() {
         Some(s) => line(format!("picture of {} × {} pixels", s.film.width, s.film.height)),
         None => line("no sensor: probe works, render does not".into()),
     }
     if let Some(depth) = scene.max_depth {
-        line(format!("paths have at most {depth} edges (max_depth)"));
+        let edges = if depth == 1 { "edge" } else { "edges" };
+        line(format!("paths have at most {depth} {edges} (max_depth)"));
     }
     text
 }

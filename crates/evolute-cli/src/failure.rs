@@ -39,6 +39,11 @@ impl Failure {
 
 impl From<evolute::output::OutputError> for Failure {
     fn from(e: evolute::output::OutputError) -> Self {
-        Self::Input(e.to_string())
+        Self::Input(match e {
+            evolute::output::OutputError::File { .. } => {
+                format!("{e}; make that place writable, or choose another with -o")
+            }
+            evolute::output::OutputError::Format(_) => e.to_string(),
+        })
     }
 }

@@ -9,28 +9,33 @@ use clap::Args;
 pub struct Common {
     /// Tolerance at a receiver, as a fraction of its irradiance
     #[arg(short = 'a', long, value_name = "R", default_value_t = 0.01, value_parser = fraction,
+          allow_hyphen_values = true,
           help_heading = "Accuracy")]
     pub accuracy: f64,
     /// Tolerance below which the relative one does not fall [W/m²] [default: R/1000 of the emitted
     /// flux over the total surface area]
-    #[arg(long, value_name = "A", value_parser = not_negative, help_heading = "Accuracy")]
-    pub accuracy_abs: Option<f64>,
-    /// Longest specular chain in interactions, at most 256 [default: until the throughput falls below
-    /// the accuracy]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256),
+    #[arg(long, value_name = "A", value_parser = not_negative, allow_hyphen_values = true,
           help_heading = "Accuracy")]
+    pub accuracy_abs: Option<f64>,
+    /// Longest specular chain that is wanted, in interactions, at most 256 [default: until the
+    /// throughput falls below the accuracy, and at most 256; what that cuts counts in the error]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256),
+          allow_negative_numbers = true, help_heading = "Accuracy")]
     pub max_specular: Option<u32>,
-    /// Stop after so many seconds; what is done until then is written, and the exit status is 3
-    #[arg(long, value_name = "S", value_parser = seconds, help_heading = "Accuracy")]
+    /// Stop after so many seconds; what is done until then is written with what its error is by then,
+    /// and the exit status is 3
+    #[arg(long, value_name = "S", value_parser = seconds, allow_hyphen_values = true,
+          help_heading = "Accuracy")]
     pub max_time: Option<Duration>,
     /// Most iterations of the radiosity solution; direct and specular light need none
-    #[arg(long, value_name = "N", help_heading = "Accuracy")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help_heading = "Accuracy")]
     pub max_iterations: Option<u64>,
     /// Set $NAME in the scene, as in Mitsuba
     #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = definition)]
     pub define: Vec<(String, String)>,
     /// Number of threads; the result does not depend on it [default: all cores]
-    #[arg(short = 't', long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(short = 't', long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..),
+          allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Give results in lm, lx and cd/m²: 683 lm for a watt
     #[arg(long)]
@@ -41,12 +46,19 @@ pub struct Common {
     /// Say what is done and how long it takes
     #[arg(short = 'v', long)]
     pub verbose: bool,
-    /// Print one JSON object on standard output at the end
+    /// Print one JSON object on standard output at the end: timings in s, counts of chains, rays and
+    /// receivers, the largest estimated error, files written. Iterations and an energy ledger belong
+    /// to the radiosity solution and are not in it yet
     #[arg(long)]
     pub json: bool,
 }
 
 impl Common {
+    /// The units of flux, irradiance and radiance in results.
+    pub fn units(&self) -> [&'static str; 3] {
+        if self.photometric { ["lm", "lx", "cd/m²"] } else { ["W", "W/m²", "W/(m² sr)"] }
+    }
+
     /// Factor on watts in results.
     pub fn unit_factor(&self) -> f64 {
         if self.photometric { 683.0 } else { 1.0 }
@@ -84,12 +96,18 @@ fn definition(text: &str) -> Result<(String, String), String> {
 
 /// `640x480`
 pub fn size(text: &str) -> Result<(u32, u32), String> {
-    // Mitsuba's largest film is of the same order; 16 GiB of samples is more than a picture needs.
     const LARGEST: u32 = 32_768;
+    // As for a scene's film; while they are made, so many pixels take some 16 GiB.
+    const MOST_PIXELS: u64 = 1 << 26;
     let parse = |s: &str| s.parse::<u32>().ok().filter(|n| (1..=LARGEST).contains(n));
-    text.split_once(['x', 'X', '×'])
+    let (width, height) = text
+        .split_once(['x', 'X', '×'])
         .and_then(|(w, h)| Some((parse(w)?, parse(h)?)))
-        .ok_or_else(|| format!("write WIDTHxHEIGHT, each from 1 to {LARGEST}"))
+        .ok_or_else(|| format!("write WIDTHxHEIGHT, each from 1 to {LARGEST}"))?;
+    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+        return Err(format!("that is too large: at most {MOST_PIXELS} pixels in all"));
+    }
+    Ok((width, height))
 }
 
 /// A finite number of stops.
@@ -108,7 +126,7 @@ mod tests {
     #[test]
     fn sizes() {
         assert_eq!(size("640x480"), Ok((640, 480)));
-        for wrong in ["640", "x480", "0x10", "10x-1", "99999x1", "axb", ""] {
+        for wrong in ["640", "x480", "0x10", "10x-1", "99999x1", "9000x9000", "axb", ""] {
             assert!(size(wrong).is_err(), "{wrong}");
         }
     }

@@ -131,6 +131,13 @@ fn find_columns(header: &[Field]) -> Result<[usize; 6], Fault> {
             return Err(fault(field.place, message, "rename or remove one of them"));
         }
     }
+    if let [only] = header
+        && let Some(mark) = only.text.chars().find(|c| matches!(c, ';' | '\t'))
+    {
+        let mark = if mark == '\t' { "tabs".into() } else { format!("'{mark}'") };
+        let message = format!("the columns are separated by {mark}");
+        return Err(fault(only.place, message, "separate them by commas: x,y,z,nx,ny,nz"));
+    }
     let mut places = [0; 6];
     for (place, name) in places.iter_mut().zip(COLUMNS) {
         match header.iter().position(|f| f.text.trim() == name) {
@@ -308,6 +315,8 @@ mod tests {
             ("", "t.csv:1:1", "empty"),
             ("\n\n", "t.csv:1:1", "empty"),
             ("x,y,z,nx,ny\n", "t.csv:1:1", "no column 'nz'"),
+            ("x;y;z;nx;ny;nz\n", "t.csv:1:1", "separated by ';'"),
+            ("x\ty\tz\n", "t.csv:1:1", "separated by tabs"),
             ("x,y,z,nx,ny,nz,x\n", "t.csv:1:16", "two columns are called 'x'"),
             ("x,y,z,nx,ny,nz\n1,2,abc,0,0,1\n", "t.csv:2:5", "'abc' in column z is not a number"),
             ("x,y,z,nx,ny,nz\r\n\r\n1,2,3,0,0,nan\n", "t.csv:3:11", "column nz is 'nan'"),

@@ -1,6 +1,6 @@
 //! `evolute probe`: irradiance at the points of a table.
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -10,7 +10,7 @@ use evolute::output::{
     Array, ArrayData, check_target, csv_field, csv_number, encode_npz, replace_file,
 };
 use evolute::trace::Tracer;
-use evolute::transfer::{Components, Counts, ReceiverLight, Transfer};
+use evolute::transfer::{Components, Counts, LONGEST_CHAIN, ReceiverLight, Transfer};
 
 use crate::failure::Failure;
 use crate::options::Common;
@@ -70,6 +70,9 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             "the table already has a column '{clash}', which probe writes; rename or remove it"
         )));
     }
+    if format == Format::Npz {
+        check_arrays(&points, asked)?;
+    }
     let scene = session::load(&arguments.scene, common, summary)?;
     let tracer = Tracer::new(&scene);
     let mut settings = session::transfer_settings(&scene, common);
@@ -83,15 +86,17 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     let transfer = Transfer::new(&scene, &tracer, settings);
     summary.lap("prepare");
 
+    session::begin_work();
     let progress = Progress::new(common, "receivers", points.receivers.len() as u64);
     let lights: Vec<Option<ReceiverLight>> = points
         .receivers
         .par_iter()
         .map(|receiver| {
-            if session::interrupted() || deadline.passed() {
+            let stop = || session::interrupted() || deadline.passed();
+            if stop() {
                 return None;
             }
-            let light = transfer.light(receiver, computed);
+            let light = transfer.light_until(receiver, computed, 0.0, &stop);
             progress.step();
             Some(light)
         })
@@ -106,15 +111,17 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     lights.iter().flatten().for_each(|light| counts += light.counts);
     let done = lights.iter().flatten().count();
     let unmet = lights.iter().flatten().filter(|light| !light.met).count();
+    let stopped = lights.iter().flatten().filter(|light| light.stopped).count();
     let factor = common.unit_factor();
     let worst = lights.iter().flatten().map(|l| l.error * factor).fold(0.0, f64::max);
     summary.counts(done as u64, &counts);
     summary.set("receivers_unmet", unmet);
+    summary.set("receivers_stopped", stopped);
     summary.set("receivers_left_out", lights.len() - done);
     summary.set("largest_error", worst);
     summary.set("accuracy", settings.relative);
     summary.set("accuracy_abs", settings.absolute);
-    summary.set("max_specular", settings.max_specular);
+    summary.set("max_specular", settings.max_specular.min(LONGEST_CHAIN));
     session::detail(
         common,
         &format!(
@@ -129,10 +136,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         Format::Npz => table.npz()?,
     };
     if to_stdout {
-        let mut out = std::io::stdout().lock();
-        out.write_all(&bytes)
-            .and_then(|()| out.flush())
-            .map_err(|e| Failure::Input(format!("cannot write to standard output: {e}")))?;
+        session::print(&bytes)?;
     } else {
         replace_file(&arguments.output, &bytes)?;
         summary.file(&arguments.output);
@@ -147,12 +151,12 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             ),
         );
     }
-    if done < lights.len() {
+    if done < lights.len() || stopped > 0 {
         return Err(Failure::Limit(format!(
-            "stopped by --max-time: {} of {} receivers were not computed and are written as nan, with \
-             error inf",
+            "stopped by --max-time: of {} receivers, {} were not computed and are written as nan, with \
+             error inf; {stopped} were given up half-way, what they lack being in their error",
+            lights.len(),
             lights.len() - done,
-            lights.len()
         )));
     }
     Ok(())
@@ -205,9 +209,35 @@ fn read_points(path: &Path) -> Result<Points, Failure> {
     } else {
         (std::fs::read(path), path.display().to_string())
     };
-    let bytes =
-        bytes.map_err(|e| Failure::Input(format!("cannot read the table '{name}': {e}")))?;
+    let bytes = bytes.map_err(|e| {
+        let why = match e.kind() {
+            ErrorKind::NotFound => "there is no such file".into(),
+            ErrorKind::IsADirectory => "it is a folder".into(),
+            ErrorKind::PermissionDenied => "permission denied".into(),
+            _ => e.to_string(),
+        };
+        Failure::Input(format!(
+            "cannot read the table '{name}': {why}; name a CSV file, or - for standard input"
+        ))
+    })?;
     Points::read(&bytes, &name).map_err(Failure::Input)
+}
+
+/// Refuses carried columns that would get the name of an array of the result.
+fn check_arrays(points: &Points, asked: Components) -> Result<(), Failure> {
+    let taken = |name: &str| match name {
+        "position" | "normal" | "error" => true,
+        "direct" => asked.direct,
+        "specular" => asked.specular,
+        _ => false,
+    };
+    match points.columns.iter().find(|name| taken(name)) {
+        None => Ok(()),
+        Some(clash) => Err(Failure::Input(format!(
+            "the table has a column '{clash}', and the .npz file an array of that name; rename the \
+             column, or write .csv"
+        ))),
+    }
 }
 
 /// The names of the columns that are added.

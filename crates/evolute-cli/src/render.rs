@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(short = 'o', long, value_name = "FILE.exr|.png|.hdr")]
     output: Option<PathBuf>,
     /// Columns and rows of the picture [default: the scene's film]
-    #[arg(long, value_name = "WxH", value_parser = options::size)]
+    #[arg(long, value_name = "WxH", value_parser = options::size, allow_hyphen_values = true)]
     size: Option<(u32, u32)>,
     /// Brightness of the PNG: radiance times 2^EV, 1 being nearly white [default: found from the
     /// picture, and told]
@@ -79,6 +79,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     let settings = ViewSettings { transfer, size: arguments.size };
     summary.lap("prepare");
 
+    session::begin_work();
     let progress = Progress::new(common, "picture", 0);
     let control = Control {
         order: &|| {
@@ -98,6 +99,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     let seconds = summary.lap("compute");
     summary.counts(picture.receivers, &picture.counts);
     summary.set("receivers_unmet", picture.unmet);
+    summary.set("largest_error", picture.largest_error * common.unit_factor());
     summary.set("accuracy", transfer.relative);
     summary.set("accuracy_abs", transfer.absolute);
     summary.set("camera", json!({

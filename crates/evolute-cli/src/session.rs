@@ -1,5 +1,6 @@
 //! What all verbs do before and around their work: threads, Ctrl-C, the clock, the scene.
 
+use std::io::Write;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -13,7 +14,11 @@ use crate::summary::Summary;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Threads and Ctrl-C. The first Ctrl-C asks the run to stop, the second ends it at once.
+/// Whether the work looks at [`interrupted`] from time to time.
+static WORKING: AtomicBool = AtomicBool::new(false);
+
+/// Threads and Ctrl-C. The first Ctrl-C asks the run to stop, the second ends it at once, and so does
+/// the first as long as input is read: nothing is written yet.
 pub fn set_up(common: &Common) -> Result<(), Failure> {
     if let Some(n) = common.threads {
         rayon::ThreadPoolBuilder::new()
@@ -22,15 +27,24 @@ pub fn set_up(common: &Common) -> Result<(), Failure> {
             .map_err(|e| Failure::Usage(format!("{n} threads cannot be started: {e}")))?;
     }
     let handler = || {
-        if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
+        let again = INTERRUPTED.swap(true, Ordering::SeqCst);
+        if !WORKING.load(Ordering::SeqCst) {
+            eprintln!("{}", Failure::Interrupted.message());
+        } else if !again {
+            return;
         }
+        std::process::exit(Failure::Interrupted.status().into());
     };
     // Without a handler Ctrl-C still ends the program, only less politely.
     if let Err(e) = ctrlc::set_handler(handler) {
         note(common, &format!("Ctrl-C cannot be handled: {e}"));
     }
     Ok(())
+}
+
+/// Input is read; from here on the run looks at [`interrupted`].
+pub fn begin_work() {
+    WORKING.store(true, Ordering::SeqCst);
 }
 
 /// Whether Ctrl-C was pressed.
@@ -52,6 +66,14 @@ impl Deadline {
     pub fn passed(&self) -> bool {
         self.0.is_some_and(|end| Instant::now() >= end)
     }
+}
+
+/// Puts a result on standard output.
+pub fn print(bytes: &[u8]) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(bytes)
+        .and_then(|()| out.flush())
+        .map_err(|e| Failure::Input(format!("cannot write to standard output: {e}")))
 }
 
 /// A remark on standard error, unless `-q` was given.

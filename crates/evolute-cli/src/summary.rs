@@ -1,5 +1,6 @@
 //! What `--json` prints at the end.
 
+use std::io::Write;
 use std::time::Instant;
 
 use serde_json::{Map, Value, json};
@@ -67,6 +68,7 @@ impl Summary {
         self.values.insert("timings".into(), self.timings.into());
         self.values.insert("files".into(), self.files.into());
         self.values.insert("exit".into(), status.into());
-        println!("{}", Value::Object(self.values));
+        // Whoever closed the pipe does not want the object, and cannot be told.
+        let _ = writeln!(std::io::stdout(), "{}", Value::Object(self.values));
     }
 }

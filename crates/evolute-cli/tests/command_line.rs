@@ -1,115 +1,14 @@
 //! The program from the outside: exit status, files, messages.
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
-/// A folder of its own for each test.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("evolute-cli-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn write(&self, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.join(name);
-        fs::write(&path, text).unwrap();
-        path
-    }
-
-    fn names(&self) -> Vec<String> {
-        let mut names: Vec<String> = fs::read_dir(&self.0)
-            .unwrap()
-            .map(|e| e.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
-
-    fn run(&self, arguments: &[&str]) -> Output {
-        self.run_with(arguments, "")
-    }
-
-    fn run_with(&self, arguments: &[&str], input: &str) -> Output {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_evolute"))
-            .args(arguments)
-            .current_dir(&self.0)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        // A program that ends without reading closes the pipe: no fault of the test.
-        let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
-        child.wait_with_output().unwrap()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-fn status(output: &Output) -> i32 {
-    output.status.code().unwrap()
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8(output.stdout.clone()).unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-fn json(output: &Output) -> serde_json::Value {
-    serde_json::from_str(stdout(output).lines().last().unwrap()).unwrap()
-}
-
-/// A lamp of 1 × 1 m, L = 100, over a floor, and a mirror standing beside.
-const SCENE: &str = r#"<scene version="3.0.0">
-    <default name="height" value="2"/>
-    <sensor type="perspective">
-        <float name="fov" value="40"/>
-        <transform name="to_world">
-            <lookat origin="0, -4, 1.5" target="0, 0, 0.3" up="0, 0, 1"/>
-        </transform>
-        <film type="hdrfilm">
-            <integer name="width" value="24"/>
-            <integer name="height" value="18"/>
-        </film>
-    </sensor>
-    <shape type="rectangle" id="floor">
-        <transform name="to_world"><scale value="2"/></transform>
-        <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>
-    </shape>
-    <shape type="rectangle" id="mirror">
-        <transform name="to_world">
-            <rotate y="1" angle="90"/>
-            <translate x="-1.5" z="1"/>
-        </transform>
-        <bsdf type="conductor"><string name="material" value="none"/></bsdf>
-    </shape>
-    <shape type="rectangle" id="lamp">
-        <transform name="to_world">
-            <scale value="0.5"/>
-            <rotate x="1" angle="180"/>
-            <translate z="$height"/>
-        </transform>
-        <emitter type="area"><rgb name="radiance" value="100"/></emitter>
-    </shape>
-</scene>
-"#;
-
-const POINTS: &str = "x,y,z,nx,ny,nz,label\n0,0,0,0,0,1,middle\n0.5,0.25,0,0,0,2,\"right, back\"\n\
-                      -1,0,0.5,1,0,0,facing the wall\n";
+use common::{Folder, POINTS, SCENE, json, status, stderr, stdout};
 
 #[test]
 fn help_and_version() {
@@ -311,46 +210,6 @@ fn render_writes_what_its_name_says() {
         assert!(fs::read(folder.0.join(name)).unwrap().starts_with(magic), "{name}");
     }
     assert_eq!(folder.names(), ["a.exr", "a.hdr", "a.png", "s.exr", "s.png", "s.xml"]);
-}
-
-#[test]
-fn an_exhausted_time_limit_writes_and_ends_with_3() {
-    let folder = Folder::new("limit");
-    folder.write("s.xml", SCENE);
-    let output = folder.run_with(
-        &["probe", "s.xml", "--points", "-", "-o", "light.csv", "--max-time", "0", "--json"],
-        POINTS,
-    );
-    assert_eq!(status(&output), 3);
-    assert_eq!(json(&output)["receivers_left_out"], 3);
-    assert!(stderr(&output).contains("--max-time"));
-    let text = fs::read_to_string(folder.0.join("light.csv")).unwrap();
-    assert!(text.lines().nth(1).unwrap().ends_with("nan,nan,nan,nan,nan,nan,inf"));
-    let output = folder.run(&["render", "s.xml", "-o", "a.exr", "--max-time", "0"]);
-    assert_eq!(status(&output), 3);
-    assert!(folder.0.join("a.exr").exists());
-}
-
-#[cfg(unix)]
-#[test]
-fn an_interrupt_ends_with_130_and_writes_nothing() {
-    let folder = Folder::new("interrupt");
-    folder.write("s.xml", SCENE);
-    // Enough work for much longer than the test waits.
-    let mut points = String::from("x,y,z,nx,ny,nz\n");
-    points += &"0.3,0.2,0.1,0.1,0.2,1\n".repeat(300_000);
-    folder.write("p.csv", points);
-    let mut child = Command::new(env!("CARGO_BIN_EXE_evolute"))
-        .args(["probe", "s.xml", "--points", "p.csv", "-o", "light.csv", "-a", "1e-5", "-t", "1"])
-        .current_dir(&folder.0)
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    std::thread::sleep(std::time::Duration::from_millis(1500));
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(killed.success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert_eq!(folder.names(), ["p.csv", "s.xml"]);
 }
 
 #[test]

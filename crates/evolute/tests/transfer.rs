@@ -7,7 +7,7 @@ use common::{BOTH, SPECULAR, black, glass, mirror, receiver, rectangle, scene, s
 use evolute::geometry::{Point3, Transform};
 use evolute::surface::{Cylinder, Sphere, Surface};
 use evolute::trace::Tracer;
-use evolute::transfer::{Transfer, TransferSettings};
+use evolute::transfer::{LONGEST_CHAIN, ReceiverLight, Transfer, TransferSettings, lambert};
 
 /// Design: square light (−12, 10, 8), open cylinder x² + z² = 100, 0 ≤ y ≤ 4, one reflection.
 #[test]
@@ -89,4 +89,101 @@ fn white_furnace() {
             assert!((e / std::f64::consts::PI - 1.0).abs() < 1e-3);
         }
     }
+}
+
+/// Stopped after any number of questions, the light so far lies within its error of the light.
+#[test]
+fn a_stopped_receiver_says_what_it_may_lack() {
+    let ball = |x, y, z, r| {
+        Surface::Sphere(Sphere::new(Point3::new(x, y, z), r, Transform::identity(), false).unwrap())
+    };
+    // Two mirrors that nearly face each other, a glass ball, a square lamp and a round one.
+    let scene = scene(vec![
+        shape("left", rectangle([-2.0, 0.0, 1.0], [0.0, 1.5, 0.0], [0.1, 0.0, 1.5]), mirror(), 0.0),
+        shape("right", rectangle([2.0, 0.0, 1.0], [0.0, 0.0, 1.5], [0.1, 1.5, 0.0]), mirror(), 0.0),
+        shape("ball", ball(0.3, 1.4, 0.8, 0.4), glass(1.5), 0.0),
+        shape(
+            "lamp",
+            rectangle([0.0, 0.0, 3.0], [0.5, 0.0, 0.0], [0.0, -0.5, 0.0]),
+            black(),
+            100.0,
+        ),
+        shape("bulb", ball(-1.0, -1.0, 1.5, 0.2), black(), 300.0),
+    ]);
+    let tracer = Tracer::new(&scene);
+    let receiver = receiver([0.1, 0.0, 0.0], [0.1, 0.0, 1.0]);
+    let with = |accuracy| TransferSettings { max_specular: 6, ..settings(accuracy) };
+    let fine = Transfer::new(&scene, &tracer, with(1e-4)).light(&receiver, BOTH);
+    let transfer = Transfer::new(&scene, &tracer, with(1e-3));
+    let whole = transfer.light(&receiver, BOTH);
+    assert!(fine.met && whole.met && !whole.stopped);
+    // What the estimate misses when nothing stops it is not what this is about.
+    let sum = |light: &ReceiverLight| (light.direct + light.specular).luminance();
+    let missed = (sum(&fine) - sum(&whole)).abs();
+    assert!(missed <= whole.error + fine.error, "{missed} {}", whole.error);
+    let mut chains = 0;
+    let mut stops = 0;
+    for patience in (0..40).chain((40..400).step_by(20)) {
+        let asked = std::cell::Cell::new(0);
+        let stop = || {
+            asked.set(asked.get() + 1);
+            asked.get() > patience
+        };
+        let got = transfer.light_until(&receiver, BOTH, 0.0, &stop);
+        if !got.stopped {
+            assert_eq!(got, whole);
+            continue;
+        }
+        stops += 1;
+        // Whoever said yes is not asked again.
+        assert_eq!(asked.get(), patience + 1);
+        let lacks = (sum(&fine) - sum(&got)).abs();
+        println!("{patience} {lacks:.3} {:.3} {:?}", got.error, got.counts);
+        assert!(!got.met && lacks <= got.error + missed, "{patience}: {lacks} {}", got.error);
+        assert!(got.counts.chains >= chains && got.counts.chains <= whole.counts.chains);
+        chains = got.counts.chains;
+    }
+    assert!(stops > 40, "{stops}");
+    // At once: nothing is traced, and the error is all that the lamps could give.
+    let none = transfer.light_until(&receiver, BOTH, 0.0, &|| true);
+    assert!(none.direct.is_black() && none.specular.is_black() && none.counts.chains == 0);
+}
+
+/// A lamp between two lossless mirrors: its images make a wall without end. Chains that are wanted
+/// and longer than the longest that is followed count in the error; chains that are not wanted do not.
+#[test]
+fn chains_that_are_cut_count_in_the_error() {
+    let (gap, far) = (0.5, 0.5);
+    let scene = scene(vec![
+        shape("floor", rectangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), mirror(), 0.0),
+        shape("roof", rectangle([0.0, 0.0, gap], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]), mirror(), 0.0),
+        shape(
+            "lamp",
+            rectangle([far, 0.0, 0.5 * gap], [0.0, 0.0, 0.5 * gap], [0.0, 0.5, 0.0]),
+            black(),
+            1.0,
+        ),
+    ]);
+    let tracer = Tracer::new(&scene);
+    let receiver = receiver([0.0, 0.0, 0.5 * gap], [0.0, 0.0, 1.0]);
+    // The n-th image fills the wall from n to n + 1 gaps.
+    let wall = |to: f64| {
+        let corner = |y, z| Point3::new(far, y, gap * z);
+        let corners = [corner(-0.5, 1.0), corner(-0.5, to), corner(0.5, to), corner(0.5, 1.0)];
+        lambert(&receiver, &corners)
+    };
+    let light = |max_specular| {
+        let settings = TransferSettings { max_specular, ..settings(0.05) };
+        Transfer::new(&scene, &tracer, settings).light(&receiver, SPECULAR)
+    };
+    let short = light(4);
+    println!("{} {:?}", wall(5.0), short);
+    assert!(short.met && (short.specular[1] - wall(5.0)).abs() <= 0.05 * wall(5.0));
+    let (wanted, cut) = (light(LONGEST_CHAIN), light(LONGEST_CHAIN + 1));
+    println!("{} {:?} {:?}", wall(257.0), wanted, cut);
+    assert!(wanted.met && (wanted.specular[1] - wall(257.0)).abs() <= 0.05 * wall(257.0));
+    // The same light, but what the mirrors still pass on is missing.
+    assert_eq!(cut.specular, wanted.specular);
+    assert!(!cut.met && cut.error - wanted.error >= wall(1e6) - wall(257.0));
+    assert!(cut.error > 0.05 * wall(257.0));
 }

@@ -239,6 +239,18 @@ impl Quadrature<'_, '_> {
         Ok(Estimate { integral, error, divide: false })
     }
 
+    /// The most that a cell which a criterion wants divided seems to be worth, lit all over [W/m²].
+    pub(super) fn undivided(&mut self, place: &Place) -> f64 {
+        let radiance = match &self.terms[place.term] {
+            Term::Direct(_, radiance) => *radiance,
+            Term::Through(_, lamp) => self.lamps[*lamp].radiance,
+        };
+        let numbers = place.corners().map(|point| self.sample(place.term, point));
+        let weights = numbers.iter().filter_map(|k| self.samples[*k].as_ref());
+        let most = weights.flat_map(|s| s.weight.iter()).fold(0f64, |m, w| m.max(w.v.abs()));
+        most * place.size() * place.size() * radiance.luminance()
+    }
+
     /// Whether nothing is known to stand in the way at a grid point.
     fn sees(&mut self, term: usize, at: GridPoint) -> bool {
         let asked = self.sample(term, at);

@@ -20,12 +20,15 @@ mod quadrature;
 mod settings;
 mod shaft;
 mod specular;
+mod unseen;
 mod word;
 
 pub use chain::{Event, Step};
 pub use criteria::{Criteria, MatchingTrees, NormalVariation, QuadratureAccuracy, SolidAngle};
 pub use diffuse::lambert;
-pub use settings::{Components, Counts, Receiver, ReceiverLight, TransferSettings, WordShare};
+pub use settings::{
+    Components, Counts, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, TransferSettings, WordShare,
+};
 
 use crate::scene::Scene;
 use crate::trace::Tracer;
@@ -48,20 +51,24 @@ impl<'s> Transfer<'s> {
 
     /// The irradiance at a receiver, in the parts asked for.
     pub fn light(&self, receiver: &Receiver, components: Components) -> ReceiverLight {
-        self.gather(receiver, components).0
+        self.gather(receiver, components, &|| false).0
     }
 
-    /// The irradiance at a receiver, with a tolerance that does not fall below `absolute` [W/m²]: for
-    /// parts of a sum whose other parts are known.
-    pub fn light_to(
+    /// The irradiance at a receiver, given up when `stop` says so: then the light so far, not met and
+    /// marked as stopped, with an error that covers what was not looked at. The tolerance does not fall
+    /// below `absolute` [W/m²]: for parts of a sum whose other parts are known.
+    ///
+    /// As long as `stop` says no, the bits are those of [`Self::light`].
+    pub fn light_until(
         &self,
         receiver: &Receiver,
         components: Components,
         absolute: f64,
+        stop: Stop<'_>,
     ) -> ReceiverLight {
         let absolute = self.settings.absolute.max(absolute);
         let settings = TransferSettings { absolute, ..self.settings };
-        Self { settings, lamps: self.lamps.clone(), ..*self }.light(receiver, components)
+        Self { settings, lamps: self.lamps.clone(), ..*self }.gather(receiver, components, stop).0
     }
 
     /// The irradiance at a receiver, and its specular part by word.
@@ -70,6 +77,6 @@ impl<'s> Transfer<'s> {
         receiver: &Receiver,
         components: Components,
     ) -> (ReceiverLight, Vec<WordShare>) {
-        self.gather(receiver, components)
+        self.gather(receiver, components, &|| false)
     }
 }

@@ -15,6 +15,7 @@ use super::field::{DirectField, FieldSample, sample_through};
 use super::lamp::Lamp;
 use super::landing::{DarkCells, Square, Target};
 use super::settings::{Counts, WordShare};
+use super::unseen::Brake;
 use super::word::{GRID_BITS, GridHasher, GridPoint, WordId, Words};
 use crate::geometry::Rgb;
 
@@ -71,6 +72,7 @@ pub struct Quadrature<'s, 'l> {
     pub words: Words<'s>,
     pub(super) lamps: &'l [Lamp],
     pub(super) criteria: Criteria,
+    pub(super) brake: &'l Brake<'l>,
     pub(super) terms: Vec<Term<'s>>,
     /// Level of each term's first grid.
     pub(super) first: Vec<u32>,
@@ -91,11 +93,17 @@ pub struct Quadrature<'s, 'l> {
 
 impl<'s, 'l> Quadrature<'s, 'l> {
     /// No terms yet.
-    pub fn new(words: Words<'s>, lamps: &'l [Lamp], criteria: Criteria) -> Self {
+    pub fn new(
+        words: Words<'s>,
+        lamps: &'l [Lamp],
+        criteria: Criteria,
+        brake: &'l Brake<'l>,
+    ) -> Self {
         Self {
             words,
             lamps,
             criteria,
+            brake,
             terms: Vec::new(),
             first: Vec::new(),
             samples: Vec::new(),
@@ -193,7 +201,11 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         let mut cell =
             Cell { term, square, integral: estimate.integral, error: estimate.error, leaf: true };
         if estimate.divide && level < LAST_LEVEL {
-            return self.divide(&cell, tolerance);
+            if !self.brake.asked_at_division() {
+                return self.divide(&cell, tolerance);
+            }
+            cell.error =
+                cell.error.max(self.undivided(&Place { term: term as usize, cell: square }));
         }
         if cell.integral.is_black() && cell.error == 0.0 {
             return;

@@ -23,6 +23,13 @@ pub struct Components {
     pub specular: bool,
 }
 
+/// Asked at intervals of some milliseconds whether to give up: `true` stops.
+pub type Stop<'c> = &'c dyn Fn() -> bool;
+
+/// Longest specular chain that is followed [interactions]: a chain that has lost a twentieth of its
+/// light at each of them is down to two millionths.
+pub const LONGEST_CHAIN: u32 = 256;
+
 /// How accurate, and where to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferSettings {
@@ -30,7 +37,8 @@ pub struct TransferSettings {
     pub relative: f64,
     /// Tolerance below which the relative one does not fall [W/m²].
     pub absolute: f64,
-    /// Longest specular chain [interactions], at most 256.
+    /// Longest specular chain that is asked for [interactions]: what is longer is not wanted. Chains
+    /// longer than [`LONGEST_CHAIN`] are not followed even if wanted, and count in the error.
     pub max_specular: u32,
     /// What makes cells be divided.
     pub criteria: Criteria,
@@ -43,7 +51,7 @@ impl Default for TransferSettings {
         Self {
             relative: 1e-2,
             absolute: 0.0,
-            max_specular: 256,
+            max_specular: u32::MAX,
             criteria: Criteria::default(),
             // Some hundred times what an ordinary receiver takes at 1e-3.
             max_cells: 40_000,
@@ -62,6 +70,8 @@ pub struct ReceiverLight {
     pub error: f64,
     /// Whether `error` is within the tolerance.
     pub met: bool,
+    /// Whether it was given up early because it was told to stop.
+    pub stopped: bool,
     /// The work it took.
     pub counts: Counts,
 }

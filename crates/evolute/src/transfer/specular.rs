@@ -6,8 +6,9 @@ use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
 use super::field::DirectField;
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
-use super::settings::{Components, Receiver, ReceiverLight, WordShare};
+use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
+use super::unseen::{Brake, Unseen, UnseenParts};
 use super::word::{GRID_BITS, GridPoint, WordId, Words};
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
@@ -37,14 +38,16 @@ impl<'s> Transfer<'s> {
         &self,
         receiver: &Receiver,
         components: Components,
+        stop: Stop<'_>,
     ) -> (ReceiverLight, Vec<WordShare>) {
+        let brake = Brake::new(stop);
         let words = Words::new(self.scene, self.tracer, *receiver);
-        let mut quadrature = Quadrature::new(words, &self.lamps, self.settings.criteria);
+        let mut quadrature = Quadrature::new(words, &self.lamps, self.settings.criteria, &brake);
         let mut closed = Rgb::BLACK;
+        let mut left = Left::up_to(self.most());
         if components.direct {
-            self.begin_direct(receiver, &mut quadrature, &mut closed);
+            self.begin_direct(receiver, &mut quadrature, &mut closed, &mut left);
         }
-        let mut left = Left::default();
         let tolerance = |q: &Quadrature<'_, '_>, closed: &Rgb| {
             let luminance = (q.luminance() + closed.luminance()).max(0.0);
             (self.settings.relative * luminance).max(self.settings.absolute)
@@ -52,7 +55,11 @@ impl<'s> Transfer<'s> {
         if components.specular && !self.lamps.is_empty() {
             let mut level: Vec<WordId> = Vec::new();
             for k in 0..self.scene.shapes.len() as u32 {
-                if self.scene.shape(ShapeId(k)).material.is_specular() {
+                let specular = self.scene.shape(ShapeId(k)).material.is_specular();
+                if specular && brake.asked() {
+                    let part = Unseen::First(ShapeId(k));
+                    left.unseen.add(part, || self.most_by(receiver, ShapeId(k)));
+                } else if specular {
                     level.extend(quadrature.words.begin(ShapeId(k)));
                 }
             }
@@ -70,8 +77,12 @@ impl<'s> Transfer<'s> {
             }
             // When no further word may be followed, what was left out stays, and finer cells do not
             // help beyond their own share.
-            let stuck = left.followed >= MAX_WORDS && quadrature.error() <= allowed;
-            if stuck || quadrature.cell_count() >= self.settings.max_cells {
+            let stuck = quadrature.error() <= allowed
+                && (left.followed >= MAX_WORDS || left.unseen.error() > allowed);
+            if stuck
+                || quadrature.cell_count() >= self.settings.max_cells
+                || brake.asked_at_division()
+            {
                 met = false;
                 break;
             }
@@ -88,9 +99,8 @@ impl<'s> Transfer<'s> {
             };
             if let Some(word) = word
                 && quadrature.words.has_discoveries(word)
-                && quadrature.words.depth(word) < self.settings.max_specular
             {
-                let found = quadrature.words.continue_word(word);
+                let found = self.continued(&mut quadrature, word, &mut left);
                 self.follow(&mut quadrature, found, &mut left, |q| tolerance(q, &closed));
             }
         }
@@ -103,7 +113,8 @@ impl<'s> Transfer<'s> {
             direct: direct + closed,
             specular,
             error: error + left.error(),
-            met,
+            met: met && !brake.was_pulled(),
+            stopped: brake.was_pulled(),
             counts: quadrature.counts(),
         };
         (light, shares)
@@ -114,11 +125,16 @@ impl<'s> Transfer<'s> {
         receiver: &Receiver,
         quadrature: &mut Quadrature<'s, '_>,
         closed: &mut Rgb,
+        left: &mut Left,
     ) {
         let contacts = self.tracer.contacts(&receiver.position);
         for id in self.scene.lamps() {
             let shape = self.scene.shape(id);
             let mut hidden_by = None;
+            if quadrature.brake.asked() {
+                left.unseen.add(Unseen::Lamp(id), || self.most_from(receiver, id));
+                continue;
+            }
             if let Some(parts) = polygons(&shape.surface) {
                 let mut all = Some(Vec::new());
                 for corners in parts.iter().filter(|c| lambert(receiver, c) > 0.0) {
@@ -145,6 +161,10 @@ impl<'s> Transfer<'s> {
             }
             let on_surface = contacts.iter().any(|c| c.shape == id);
             for domain in Domain::of(&shape.surface, &receiver.position, on_surface) {
+                if quadrature.brake.asked() {
+                    left.unseen.add(Unseen::Lamp(id), || self.most_from(receiver, id));
+                    break;
+                }
                 let field = DirectField::new(domain, id, *receiver, self.tracer, hidden_by.clone());
                 quadrature.add(Term::Direct(Box::new(field), shape.radiance), FIRST_LEVEL, 0.0);
             }
@@ -160,10 +180,14 @@ impl<'s> Transfer<'s> {
         left: &mut Left,
         tolerance: impl Fn(&Quadrature<'_, '_>) -> f64,
     ) {
-        let brightest = self.lamps.iter().fold(0f64, |m, l| m.max(l.radiance.luminance()));
+        let brightest = self.brightest();
         while !level.is_empty() {
             let mut next = Vec::new();
             for word in level {
+                if quadrature.brake.asked() {
+                    self.leave_unseen(quadrature, word, left);
+                    continue;
+                }
                 let look = look(&mut quadrature.words, word);
                 if look.passed == 0.0 {
                     continue;
@@ -213,6 +237,10 @@ impl<'s> Transfer<'s> {
         if look.reaches {
             let allowed = tolerance(quadrature);
             for lamp in 0..self.lamps.len() {
+                if quadrature.brake.asked() {
+                    self.leave_through(quadrature, word, left);
+                    break;
+                }
                 if !self.shut_in(&quadrature.words, word, self.lamps[lamp].shape) {
                     quadrature.add(Term::Through(word, lamp), first, allowed);
                 }
@@ -223,11 +251,44 @@ impl<'s> Transfer<'s> {
                 quadrature.words.departure(word, at);
             });
         }
-        if quadrature.words.depth(word) < self.settings.max_specular {
-            quadrature.words.continue_word(word)
-        } else {
-            Vec::new()
+        self.continued(quadrature, word, left)
+    }
+
+    /// The words that follow a word, as far as they are wanted; what is wanted but too long is left
+    /// unseen.
+    fn continued(
+        &self,
+        quadrature: &mut Quadrature<'s, '_>,
+        word: WordId,
+        left: &mut Left,
+    ) -> Vec<WordId> {
+        let depth = quadrature.words.depth(word);
+        if depth < self.settings.max_specular.min(LONGEST_CHAIN) {
+            return quadrature.words.continue_word(word);
         }
+        if depth < self.settings.max_specular && quadrature.words.has_discoveries(word) {
+            self.leave_through(quadrature, word, left);
+        }
+        Vec::new()
+    }
+
+    /// Leaves a word that was not looked at: it is part of what comes through the word before it, or by
+    /// its first surface.
+    fn leave_unseen(&self, quadrature: &mut Quadrature<'s, '_>, word: WordId, left: &mut Left) {
+        if let Some(parent) = quadrature.words.parent(word) {
+            self.leave_through(quadrature, parent, left);
+        } else if let Some(first) = quadrature.words.letters(word).first() {
+            let receiver = quadrature.words.receiver();
+            let part = Unseen::First(first.shape);
+            left.unseen.add(part, || self.most_by(&receiver, first.shape));
+        }
+    }
+
+    /// Leaves what comes through a word and all that follow it, or some of it.
+    fn leave_through(&self, quadrature: &mut Quadrature<'s, '_>, word: WordId, left: &mut Left) {
+        left.unseen.add(Unseen::Through(word), || {
+            look(&mut quadrature.words, word).passed * self.brightest() * SAMPLED_BOUND_MARGIN
+        });
     }
 }
 
@@ -239,15 +300,20 @@ struct LeftWord {
 }
 
 /// What was left out of one receiver.
-#[derive(Default)]
 struct Left {
     words: Vec<LeftWord>,
     followed: usize,
+    unseen: UnseenParts,
 }
 
 impl Left {
+    /// Nothing; what is not looked at will be worth no more than `most` [W/m²].
+    fn up_to(most: f64) -> Self {
+        Self { words: Vec::new(), followed: 0, unseen: UnseenParts::up_to(most) }
+    }
+
     fn error(&self) -> f64 {
-        self.words.iter().map(|w| w.error).sum::<f64>()
+        self.words.iter().map(|w| w.error).sum::<f64>() + self.unseen.error()
     }
 
     fn worst(&self) -> f64 {

@@ -214,6 +214,11 @@ impl<'s> Words<'s> {
         id
     }
 
+    /// Whose words they are.
+    pub fn receiver(&self) -> Receiver {
+        self.receiver
+    }
+
     /// The word before the last letter.
     pub fn parent(&self, word: WordId) -> Option<WordId> {
         match self.words[word.0 as usize].source {

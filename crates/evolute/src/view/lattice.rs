@@ -78,6 +78,16 @@ impl Lit {
     }
 }
 
+/// What was computed for one point of the film.
+#[derive(Default)]
+struct Node {
+    lit: Vec<Lit>,
+    counts: Counts,
+    /// Receivers that missed their tolerance.
+    unmet: u64,
+    largest_error: f64,
+}
+
 impl Leaf {
     /// Radiance at the eye [W/(m² sr)] of an irradiance [W/m²]: E ρ/π.
     pub(super) fn radiance(&self, irradiance: Rgb) -> Rgb {
@@ -142,6 +152,8 @@ pub(super) struct Lattice<'l> {
     pub counts: Counts,
     pub receivers: u64,
     pub unmet: u64,
+    /// The largest estimated error of them [W/m²].
+    pub largest_error: f64,
     /// Whether everything that should be split was.
     pub complete: bool,
 }
@@ -167,6 +179,7 @@ impl<'l> Lattice<'l> {
             counts: Counts::default(),
             receivers: 0,
             unmet: 0,
+            largest_error: 0.0,
             complete: true,
         };
         let tolerance = view.tolerance();
@@ -214,38 +227,48 @@ impl<'l> Lattice<'l> {
                 .map(|(x, y)| {
                     let at = |units: u32| f64::from(units) / f64::from(UNITS);
                     let go = (control.order)() == Order::Go;
-                    go.then(|| self.lit(view, at(*x), at(*y)))
+                    if go { self.node(view, at(*x), at(*y)) } else { None }
                 })
                 .collect();
-            for (at, computed) in batch.iter().zip(computed) {
-                let Some((node, counts, unmet)) = computed else { return false };
-                self.counts += counts;
-                self.receivers += node.len() as u64;
-                self.unmet += unmet;
-                self.nodes.insert(*at, node);
+            let mut whole = true;
+            for (at, node) in batch.iter().zip(computed) {
+                let Some(node) = node else {
+                    whole = false;
+                    continue;
+                };
+                self.counts += node.counts;
+                self.receivers += node.lit.len() as u64;
+                self.unmet += node.unmet;
+                self.largest_error = self.largest_error.max(node.largest_error);
+                self.nodes.insert(*at, node.lit);
+            }
+            if !whole {
+                return false;
             }
         }
         true
     }
 
-    /// The leaves seen at (x, y) of the film [pixels] with the light on them, the work, and how many
-    /// missed their tolerance.
-    fn lit(&self, view: &View<'_>, x: f64, y: f64) -> (Vec<Lit>, Counts, u64) {
-        let mut counts = Counts::default();
-        let mut unmet = 0;
-        let sight = view.sight(x, y);
-        let lit = sight.leaves.iter().map(|leaf| {
+    /// The leaves seen at (x, y) of the film [pixels] with the light on them; `None` if the light was
+    /// given up, as half of it would look like a dark spot.
+    fn node(&self, view: &View<'_>, x: f64, y: f64) -> Option<Node> {
+        let mut node = Node::default();
+        for leaf in &view.sight(x, y).leaves {
             let known = self.known.and_then(|l| l.irradiance(x, y, leaf)).unwrap_or_default();
             let light = (view.light)(leaf, self.part, view.relative * known.luminance());
-            counts += light.counts;
-            unmet += u64::from(!light.met);
+            if light.stopped {
+                return None;
+            }
+            node.counts += light.counts;
+            node.unmet += u64::from(!light.met);
+            node.largest_error = node.largest_error.max(light.error);
             let irradiance = match self.part {
                 Part::Direct => light.direct,
                 Part::Specular => light.specular,
             };
-            Lit { leaf: *leaf, irradiance, known }
-        });
-        (lit.collect(), counts, unmet)
+            node.lit.push(Lit { leaf: *leaf, irradiance, known });
+        }
+        Some(node)
     }
 
     /// Mean radiance of the nodes, the largest channel counting [W/(m² sr)].

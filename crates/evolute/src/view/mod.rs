@@ -86,6 +86,8 @@ pub struct Picture {
     pub receivers: u64,
     /// Receivers that did not reach their tolerance.
     pub unmet: u64,
+    /// The largest estimated error of a receiver's direct or specular irradiance, its luminance [W/m²].
+    pub largest_error: f64,
     /// Work of all receivers.
     pub counts: Counts,
     /// Throughput of branches that were cut, mean over the samples.
@@ -162,7 +164,8 @@ pub fn render(
     let (width, height) = settings.size.unwrap_or((sensor.film.width, sensor.film.height));
     let transfer = &settings.transfer;
     let lighting = Lighting::new(scene, tracer, transfer);
-    let light = |leaf: &Leaf, part, absolute| lighting.light(leaf, part, absolute);
+    let stop = || (control.order)() != Order::Go;
+    let light = |leaf: &Leaf, part, absolute| lighting.light(leaf, part, absolute, &stop);
     let view = View {
         tracer,
         camera: Camera::new(sensor, width, height),

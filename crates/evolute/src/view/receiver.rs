@@ -2,7 +2,9 @@
 
 use crate::scene::Scene;
 use crate::trace::Tracer;
-use crate::transfer::{Components, Receiver, ReceiverLight, Transfer, TransferSettings};
+use crate::transfer::{
+    Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, Transfer, TransferSettings,
+};
 
 use super::tree::Leaf;
 
@@ -34,7 +36,7 @@ impl<'s> Lighting<'s> {
         let interactions = scene.max_depth.map(|d| d.saturating_sub(1));
         let transfers = match interactions {
             // The diffuse interaction takes one.
-            Some(n) if n.saturating_sub(1) < settings.max_specular => {
+            Some(n) if n.saturating_sub(1) < settings.max_specular.min(LONGEST_CHAIN) => {
                 (0..=n.saturating_sub(1)).map(with).collect()
             }
             _ => vec![with(settings.max_specular)],
@@ -44,7 +46,7 @@ impl<'s> Lighting<'s> {
 
     /// Longest chain to the eye that ends on a lamp [interactions].
     pub fn longest_sight(&self, max_specular: u32) -> u32 {
-        self.interactions.map_or(max_specular, |n| n.min(max_specular))
+        self.interactions.map_or(max_specular, |n| n.min(max_specular)).min(LONGEST_CHAIN)
     }
 
     /// Whether anything can come by specular chains.
@@ -52,8 +54,9 @@ impl<'s> Lighting<'s> {
         self.specular && scene.shapes.iter().any(|s| s.material.is_specular())
     }
 
-    /// One part of the irradiance at a leaf, with a tolerance not below `absolute` [W/m²].
-    pub fn light(&self, leaf: &Leaf, part: Part, absolute: f64) -> ReceiverLight {
+    /// One part of the irradiance at a leaf, with a tolerance not below `absolute` [W/m²], given up
+    /// when told to stop.
+    pub fn light(&self, leaf: &Leaf, part: Part, absolute: f64, stop: Stop<'_>) -> ReceiverLight {
         let nothing = ReceiverLight { met: true, ..ReceiverLight::default() };
         // What the chain to the eye and the diffuse interaction leave for the chain from the lamp.
         let left = match self.interactions {
@@ -69,6 +72,6 @@ impl<'s> Lighting<'s> {
         let receiver = Receiver { position: leaf.position, normal: leaf.normal };
         let longest = self.transfers.len() - 1;
         let transfer = &self.transfers[longest.min(usize::try_from(left).unwrap_or(longest))];
-        transfer.light_to(&receiver, components, absolute)
+        transfer.light_until(&receiver, components, absolute, stop)
     }
 }

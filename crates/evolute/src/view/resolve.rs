@@ -97,6 +97,9 @@ struct Band {
     samples: u64,
     receivers: u64,
     unmet: u64,
+    largest_error: f64,
+    /// Whether light was needed that there was no time for.
+    unfinished: bool,
     counts: Counts,
     cut: f64,
 }
@@ -117,6 +120,7 @@ pub(super) fn resolve(
         picture.nodes += lattice.len() as u64;
         picture.receivers += lattice.receivers;
         picture.unmet += lattice.unmet;
+        picture.largest_error = picture.largest_error.max(lattice.largest_error);
         picture.counts += lattice.counts;
         picture.complete &= lattice.complete;
     }
@@ -147,6 +151,8 @@ pub(super) fn resolve(
             picture.samples += band.samples;
             picture.receivers += band.receivers;
             picture.unmet += band.unmet;
+            picture.largest_error = picture.largest_error.max(band.largest_error);
+            picture.complete &= !band.unfinished;
             picture.counts += band.counts;
             cut += band.cut;
         }
@@ -294,7 +300,11 @@ impl Pixel<'_, '_> {
             band.counts += light.counts;
             band.receivers += 1;
             band.unmet += u64::from(!light.met);
+            band.largest_error = band.largest_error.max(light.error);
+            band.unfinished |= light.stopped;
             found = light.direct + light.specular;
+        } else {
+            band.unfinished = true;
         }
         self.own.insert(key, found);
         found
