@@ -20,6 +20,9 @@ use crate::optics::Dual;
 /// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
 /// rays to the corners and the centre meets it.
 const HIDDEN_SHARE: f64 = 0.5;
+/// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
+/// it between its samples.
+const WATCHED_SHARE: f64 = 0.05;
 /// Criteria 1 to 3 are not asked of a cell that, lit all over, would be worth less than this share of
 /// the tolerance: the error that its samples show is enough to go by.
 const MATTERS_SHARE: f64 = 0.02;
@@ -199,6 +202,7 @@ impl Quadrature<'_, '_> {
         let (mut integral, mut error) = interpolant.lit(tolerance);
         let whole = interpolant.light.luminance(integral).abs().max(error);
         let any = |sight: Sight| middle == sight || sights.contains(&sight);
+        let through = matches!(self.terms[term], Term::Through(..));
         if !any(Sight::On) && whole > 0.0 {
             // None of the five rays is lit; ask where the polynomials say that most light is.
             let (a, b) = interpolant.brightest_point();
@@ -226,6 +230,15 @@ impl Quadrature<'_, '_> {
                     integral = integral.map(|v| 0.5 * v);
                     error = whole;
                 }
+            }
+        } else if through && interpolant.is_cut() && whole > WATCHED_SHARE * tolerance {
+            // All that was asked is free, but may lie outside the lit part, which is what counts.
+            let points = interpolant.lit_points();
+            let hidden = points.iter().filter(|(a, b)| !self.sees(term, place.at(*a, *b))).count();
+            if hidden > 0 {
+                let share = hidden as f64 / points.len() as f64;
+                integral = integral.map(|v| (1.0 - share) * v);
+                error = error.max(whole * share.max(HIDDEN_SHARE));
             }
         } else if let Term::Direct(field, _) = &self.terms[term] {
             // All five rays are free; a proof is asked for what stands between them.

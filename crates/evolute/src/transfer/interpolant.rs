@@ -189,21 +189,57 @@ impl Interpolant {
         cut_integral(&self.weights, &self.cuts, self.straightening(tolerance))
     }
 
+    /// Whether edge functions vanish in the cell.
+    pub fn is_cut(&self) -> bool {
+        !self.cuts.is_empty()
+    }
+
     /// The point of a coarse grid where the least edge function is largest.
     pub fn brightest_point(&self) -> (f64, f64) {
         let mut best = (f64::NEG_INFINITY, (0.5, 0.5));
-        for (i, j) in (0..=8).flat_map(|i| (0..=8).map(move |j| (i, j))) {
-            let (a, b) = (f64::from(i) * 0.125, f64::from(j) * 0.125);
-            let least = self.cuts.iter().fold(f64::INFINITY, |least, c| {
-                let (low, high) = c.bounds();
-                least.min(c.value(a, b) / (high - low).max(f64::MIN_POSITIVE))
-            });
+        for at in raster() {
+            let least = self.least(at);
             if least > best.0 {
-                best = (least, (a, b));
+                best = (least, at);
             }
         }
         best.1
     }
+
+    /// Up to five points of the lit part: the one where the least edge function is largest, and the
+    /// outermost ones of a coarse grid along both diagonals.
+    pub fn lit_points(&self) -> ArrayVec<(f64, f64), 5> {
+        let mut points = ArrayVec::new();
+        let lit: ArrayVec<((f64, f64), f64), 81> =
+            raster().map(|at| (at, self.least(at))).filter(|(_, least)| *least > 0.0).collect();
+        let mut push = |value: &dyn Fn(&((f64, f64), f64)) -> f64| {
+            let best = lit.iter().max_by(|p, q| value(p).total_cmp(&value(q)));
+            if let Some((at, _)) = best
+                && !points.contains(at)
+            {
+                points.push(*at);
+            }
+        };
+        push(&|(_, least)| *least);
+        for (da, db) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            push(&|((a, b), _)| da * a + db * b);
+        }
+        points
+    }
+
+    /// The least edge function at a point, each as a share of its range in the cell.
+    fn least(&self, (a, b): (f64, f64)) -> f64 {
+        self.cuts.iter().fold(f64::INFINITY, |least, c| {
+            let (low, high) = c.bounds();
+            least.min(c.value(a, b) / (high - low).max(f64::MIN_POSITIVE))
+        })
+    }
+}
+
+/// The points of a coarse grid over a cell.
+fn raster() -> impl Iterator<Item = (f64, f64)> {
+    let at = |k: i32| f64::from(k) * 0.125;
+    (0..=8).flat_map(move |i| (0..=8).map(move |j| (at(i), at(j))))
 }
 
 /// What the k-th edge function of a cell tells when it is negative all over.
