@@ -125,7 +125,7 @@ impl Along<'_> {
                 if i + 1 == SAMPLES { f64::INFINITY } else { sign * (values[i + 2] - fb) };
             let change = sign * (fb - fa);
             let slack = 100.0 * self.f_rounding;
-            if !(slope_a < change + slack && slope_b > change - slack) && !start {
+            if !(start || slope_a < change + slack && slope_b > change - slack) {
                 continue;
             }
             let (mut a, mut b) = (at(i), at(i + 1));

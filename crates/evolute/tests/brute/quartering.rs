@@ -131,7 +131,7 @@ impl<F: Fn(f64, f64) -> Point3> Sight<'_, F> {
         let doubt = 0.5 * (e[0] * sides[0] + e[1] * sides[1]) + 3.0 * sagging(&along);
         // Its place in the cell is known to a tenth, and itself to 1e-9 of the surface.
         let known = e[0] < 0.1 && e[1] < 0.1;
-        if !flat && !(known && doubt < 1e-9 * size) {
+        if !(flat || known && doubt < 1e-9 * size) {
             return halve;
         }
         if !known {
