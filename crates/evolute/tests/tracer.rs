@@ -53,7 +53,7 @@ mod of_a_million_no_ray_is_missed {
     macro_rules! tests {
         ($($name:ident: $kind:literal,)*) => { $(
             #[test]
-            #[ignore = "10⁶ rays of this kind: up to a quarter of an hour of one core"]
+            #[ignore = "10⁶ rays of this kind: up to five minutes of one core"]
             fn $name() {
                 let mut scenes = scenes(7, 1.0, Vector3::zeros());
                 scenes.retain(|(kind, _)| *kind == $kind);
