@@ -2,16 +2,17 @@
 //!
 //! With `-- --write FOLDER` the mesh and its rays are also written there as little-endian numbers, for
 //! `bench/embree`. `-- --rounds N` repeats each measurement and prints the fastest;
-//! `-- --only nearest` measures one kind of ray.
+//! `-- --only nearest` measures one kind of ray, `-- --scene curved` one scene; `-- --formulas` measures
+//! parametric surfaces one by one, too.
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr, dead_code)]
 
 #[path = "../tests/brute/mod.rs"]
 mod brute;
 
-use brute::{Random, motion, scene_of};
+use brute::{DISH, Random, SADDLE, SURFACES, WAVE, motion, scene_of, surface};
 use evolute::geometry::{Point3, Ray, Transform, Vector3};
 use evolute::scene::{Scene, ShapeId};
-use evolute::surface::{Cylinder, Mesh, Rectangle, Sphere, Surface};
+use evolute::surface::{Cylinder, Mesh, Parametric, Rectangle, Sphere, Surface};
 use evolute::trace::{Anchor, Tracer};
 use std::io::Write as _;
 use std::time::Instant;
@@ -90,18 +91,24 @@ fn mesh_workload(mesh: &Mesh) -> Workload {
     Workload { nearest, shadow, coherent }
 }
 
-/// 100 spheres and 100 cylinders in a room of six rectangles, half the shadow rays starting on them.
+/// 100 spheres, 100 cylinders and 100 parametric patches (a wave, a saddle, a dish by turns) in a room
+/// of six rectangles; shadow rays start on each with the same chance.
 fn curved_scene() -> Scene {
     let mut r = Random(3);
     let mut surfaces = vec![];
-    for i in 0..200 {
-        let size = Vector3::repeat(r.between(0.3, 0.8));
-        let m = motion(&mut r, 9.0, size);
-        surfaces.push(if i % 2 == 0 {
-            Surface::Sphere(Sphere::new(Point3::origin(), 1.0, m, false).unwrap())
-        } else {
-            let ends = [-1.0, 1.0].map(|z| Point3::new(0.0, 0.0, z));
-            Surface::Cylinder(Cylinder::new(ends[0], ends[1], 0.5, m, false).unwrap())
+    for i in 0..300 {
+        let size = r.between(0.3, 0.8);
+        // The wave is a hundred metres wide, the others two.
+        let formula = [WAVE, SADDLE, DISH][i / 3 % 3];
+        let size = if i % 3 == 2 && formula == WAVE { 0.02 * size } else { size };
+        let m = motion(&mut r, 9.0, Vector3::repeat(size));
+        surfaces.push(match i % 3 {
+            0 => Surface::Sphere(Sphere::new(Point3::origin(), 1.0, m, false).unwrap()),
+            1 => {
+                let ends = [-1.0, 1.0].map(|z| Point3::new(0.0, 0.0, z));
+                Surface::Cylinder(Cylinder::new(ends[0], ends[1], 0.5, m, false).unwrap())
+            }
+            _ => Surface::Parametric(surface(formula, m)),
         });
     }
     for (axis, sign) in (0..6).map(|i| (i / 2, if i % 2 == 0 { 1.0 } else { -1.0 })) {
@@ -185,6 +192,20 @@ fn measure(name: &str, scene: &Scene, work: &Workload, rounds: usize, only: Opti
     }
 }
 
+/// One parametric surface alone: rays from a sphere around it to random points of its box.
+fn formula_workload(p: &Parametric) -> Workload {
+    let mut r = Random(1);
+    let b = p.bounds();
+    let nearest = (0..RAYS)
+        .map(|_| {
+            let o = b.centre() + r.direction() * p.size();
+            let at = Vector3::from_fn(|_, _| r.unit());
+            Ray::new(o, b.min + b.extent().component_mul(&at) - o)
+        })
+        .collect();
+    Workload { nearest, shadow: vec![], coherent: vec![] }
+}
+
 fn write(folder: &str, mesh: &Mesh, work: &Workload) -> std::io::Result<()> {
     let file =
         |name: &str| std::fs::File::create(format!("{folder}/{name}")).map(std::io::BufWriter::new);
@@ -218,12 +239,26 @@ fn main() {
     let rounds = after("--rounds").and_then(|n| n.parse().ok()).unwrap_or(3);
     let only = after("--only");
     let only = only.as_deref();
-    let mesh = wavy_mesh();
-    let work = mesh_workload(&mesh);
-    if let Some(folder) = after("--write") {
-        write(&folder, &mesh, &work).unwrap();
+    let scene = after("--scene");
+    let wanted = |name: &str| scene.as_ref().is_none_or(|s| s == name);
+    if wanted("mesh") {
+        let mesh = wavy_mesh();
+        let work = mesh_workload(&mesh);
+        if let Some(folder) = after("--write") {
+            write(&folder, &mesh, &work).unwrap();
+        }
+        measure("mesh", &scene_of(vec![Surface::Mesh(mesh)]), &work, rounds, only);
     }
-    measure("mesh", &scene_of(vec![Surface::Mesh(mesh)]), &work, rounds, only);
-    let scene = curved_scene();
-    measure("curved", &scene, &curved_workload(&scene), rounds, only);
+    if wanted("curved") {
+        let scene = curved_scene();
+        measure("curved", &scene, &curved_workload(&scene), rounds, only);
+    }
+    for (name, formula) in SURFACES.iter().filter(|_| arguments.iter().any(|a| a == "--formulas")) {
+        let start = processor_time();
+        let p = surface(*formula, Transform::identity());
+        let milliseconds = 1e3 * (processor_time() - start);
+        println!("{name}: {} leaves in {milliseconds:.0} ms", p.leaf_count());
+        let work = formula_workload(&p);
+        measure(name, &scene_of(vec![Surface::Parametric(p)]), &work, rounds, Some("nearest"));
+    }
 }

@@ -504,10 +504,11 @@ fn meet_patch(
     ends: &Ends,
 ) -> Option<Found> {
     let own = |a: &&Anchor| a.shape.0 == shape && a.point.primitive == primitive;
-    // Weights at which the ray starts or ends on this patch.
-    let mut known: ArrayVec<(f64, f64), 4> = ArrayVec::new();
-    let ends_here = ends.start.iter().chain(ends.end).filter(own);
-    known.extend(ends_here.take(2).map(|a| (a.point.p, a.point.q)));
+    // Weights at which the ray starts or ends on this patch, and the ray parameters there.
+    let mut known: ArrayVec<(f64, [f64; 2]), 4> = ArrayVec::new();
+    let ends_here = ends.start.iter().map(|a| (0.0, a)).chain(ends.end.map(|a| (t_max, a)));
+    let ends_here = ends_here.filter(|(_, a)| own(a));
+    known.extend(ends_here.take(2).map(|(t, a)| (t, [a.point.p, a.point.q])));
     for b in ends.borders.iter().filter(|b| b.shape == shape && b.primitive != primitive) {
         let corners = mesh.corners(primitive);
         let shared = shared_corners(&corners, b);
@@ -524,14 +525,14 @@ fn meet_patch(
         if enters_neighbour(&flat, &shared, &b.inward, &b.direction) && b.t <= t_max {
             return Some((b.t, at));
         }
-        let _ = known.try_push((p, q));
+        let _ = known.try_push((b.t, [p, q]));
     }
     let speed = ray.direction.norm();
     let mut best: Option<Found> = None;
-    for root in mesh.patch_roots(primitive, ray) {
+    for root in mesh.patch_roots(primitive, ray, known.first().copied()) {
         let PatchRoot { t, p, q } = root;
         // A patch knows its start by its weights; a chord of 1e-9 of a triangle is none.
-        let same = |k: &(f64, f64)| (k.0 - p).abs() + (k.1 - q).abs() < 1e-9;
+        let same = |(_, k): &(f64, [f64; 2])| (k[0] - p).abs() + (k[1] - q).abs() < 1e-9;
         if !(t > 0.0 && t <= t_max)
             || best.is_some_and(|b| t >= b.0)
             || known.iter().any(same)

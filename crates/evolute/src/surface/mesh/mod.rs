@@ -168,9 +168,15 @@ impl Mesh {
         }
     }
 
-    /// The points at which the ray's line meets the patch over a triangle of a smooth mesh.
-    pub(crate) fn patch_roots(&self, triangle: u32, ray: &Ray) -> ArrayVec<PatchRoot, 4> {
-        self.patch(triangle).map(|p| p.roots(ray)).unwrap_or_default()
+    /// The points at which the ray's line meets the patch over a triangle of a smooth mesh; `through`
+    /// gives the weights at a ray parameter at which it is known to.
+    pub(crate) fn patch_roots(
+        &self,
+        triangle: u32,
+        ray: &Ray,
+        through: Option<(f64, [f64; 2])>,
+    ) -> ArrayVec<PatchRoot, 4> {
+        self.patch(triangle).map(|p| p.roots(ray, through)).unwrap_or_default()
     }
 
     /// The cube [−1, 1]³ under `world_from_object`, facing outward, or inward with `flip_normals`;

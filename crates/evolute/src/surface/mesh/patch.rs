@@ -109,6 +109,11 @@ impl Patch {
         self.v + self.a * p + self.b * q + (self.c * p + self.d * q) * p + self.e * (q * q)
     }
 
+    /// The same point from the first corner.
+    fn offset(&self, p: f64, q: f64) -> Vector3 {
+        self.a * p + self.b * q + (self.c * p + self.d * q) * p + self.e * (q * q)
+    }
+
     /// ∂x/∂p, ∂x/∂q.
     pub fn tangents(&self, p: f64, q: f64) -> [Vector3; 2] {
         [self.a + self.c * (2.0 * p) + self.d * q, self.b + self.d * p + self.e * (2.0 * q)]
@@ -185,15 +190,24 @@ impl Patch {
     /// the Bézier coefficients of a component of g have one sign; at most one if ‖A⁻¹(J − A)‖ < ½ for
     /// the Jacobian A at its middle and J all over it (J is linear: at its corners): Newton's iteration
     /// finds it. Else it is quartered.
-    pub fn roots(&self, ray: &Ray) -> ArrayVec<PatchRoot, 4> {
+    ///
+    /// `through` gives the weights at a ray parameter at which the line is known to meet the patch (a
+    /// ray's start or end on it). The line then passes there by the weights, not by coordinates whose
+    /// rounding would move the root: that one is found where it is, also far from the origin.
+    pub fn roots(&self, ray: &Ray, through: Option<(f64, [f64; 2])>) -> ArrayVec<PatchRoot, 4> {
         let mut roots = ArrayVec::new();
         let Some(axis) = UnitVector3::try_new(ray.direction, 0.0) else { return roots };
         let (s, t) = tangent_frame(&axis);
         let across = |x: &Vector3| Vector2::new(s.dot(x), t.dot(x));
-        let from = self.v - ray.origin;
+        // From the line to the patch's first corner, and the ray parameter where that is on the line.
+        let (from, t_from) = match through {
+            Some((t, [p, q])) => (-self.offset(p, q), t),
+            None => (self.v - ray.origin, 0.0),
+        };
         let g = Across { k: [from, self.a, self.b, self.c, self.d, self.e].map(|k| across(&k)) };
         let size = self.a.amax() + self.b.amax();
-        let rounding = 8.0 * f64::EPSILON * (ray.origin.coords.amax() + from.amax() + size);
+        let reach = if through.is_some() { 0.0 } else { ray.origin.coords.amax() };
+        let rounding = 8.0 * f64::EPSILON * (reach + from.amax() + size);
         let slack = rounding + 4.0 * BEYOND * size;
 
         struct Part {
@@ -248,7 +262,8 @@ impl Patch {
                 continue;
             }
             let (p, q) = (root.x, root.y);
-            let t = (self.at(p, q) - ray.origin).dot(&ray.direction) / ray.direction.norm_squared();
+            let along = from + self.offset(p, q);
+            let t = t_from + along.dot(&ray.direction) / ray.direction.norm_squared();
             // Two quadratics have at most four common roots.
             if t.is_finite() && roots.try_push(PatchRoot { t, p, q }).is_err() {
                 break;

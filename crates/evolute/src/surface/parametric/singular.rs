@@ -66,15 +66,30 @@ impl Query<'_> {
         let extent = patch.extent();
         let near = |end: &&End| (patch.jet.x - end.x).norm() <= NEAR_END * surface.size + extent;
         if let Some(end) = self.ends.iter().find(near) {
-            return self.second_root(surface, patch, end);
+            return self.second_root(surface, patch, end).unwrap_or_else(|| {
+                // Further roots lie close by, as near an inflection.
+                let (tau, p, distance) = self.closest(surface, patch);
+                let root = distance <= 4.0 * self.noise(patch)
+                    && tau > self.t_min
+                    && tau <= self.t_max
+                    && self.ends.iter().all(|end| self.parts_from(surface, patch, end, tau, p));
+                root.then_some((tau, p[0], p[1]))
+            });
         }
         let slope = patch.normal.dot(&self.ray.direction)
             / (patch.normal.norm() * self.ray.direction.norm());
         if extent > NEAR_END * surface.size && slope.abs() * extent <= 8.0 * self.noise(patch) {
             return None; // a plane, and the ray in it or parallel to it
         }
-        // The point of the patch nearest to the ray: least squares, then by turns to stay in the cell.
-        // That closes in slowly along a common direction of both, but there any point will do.
+        let (tau, [s, t], distance) = self.closest(surface, patch);
+        let near = distance <= RESIDUAL * surface.size;
+        (near && tau > self.t_min && tau <= self.t_max).then_some((tau, s, t))
+    }
+
+    /// The point of the patch nearest to the ray's line: τ, (s, t), distance.
+    fn closest(&self, surface: &Parametric, patch: &Patch) -> (f64, [f64; 2], f64) {
+        // Least squares, then by turns to stay in the cell. That closes in slowly along a common
+        // direction of both, but there any point will do.
         let w = &self.ray.direction;
         let across = |v: Vector3| v - w * (v.dot(w) * self.inverse_square);
         let (c, h) = (patch.cell.centre, patch.cell.half);
@@ -101,58 +116,96 @@ impl Query<'_> {
             }
             p = [p[0] + d[0], p[1] + d[1]];
         }
-        let [s, t] = p;
-        let x = surface.position(s, t);
+        let x = surface.position(p[0], p[1]);
         let tau = (x - self.ray.origin).dot(w) * self.inverse_square;
-        let distance = (self.ray.at(tau) - x).norm();
-        let near = distance <= RESIDUAL * surface.size;
-        (near && tau > self.t_min && tau <= self.t_max).then_some((tau, s, t))
+        (tau, p, (self.ray.at(tau) - x).norm())
+    }
+
+    /// Whether the surface leaves the ray by more than rounding half-way between an end and a point
+    /// where both are together again: then that is a root of its own. False also where the end is not
+    /// found from there (beyond a seam).
+    fn parts_from(
+        &self,
+        surface: &Parametric,
+        patch: &Patch,
+        end: &End,
+        tau: f64,
+        p: [f64; 2],
+    ) -> bool {
+        // The foot of a point of the ray on the surface, from parameters close by: Gauss and Newton's
+        // steps converge fast over NEAR_END.
+        let foot = |tau: f64, mut p: [f64; 2]| {
+            for _ in 0..8 {
+                let (x, xs, xt) = surface.evaluator.jet1(p[0], p[1]);
+                let r = self.ray.at(tau) - x;
+                let (e, f, g) = (xs.norm_squared(), xs.dot(&xt), xt.norm_squared());
+                let (a, b) = (xs.dot(&r), xt.dot(&r));
+                let det = e * g - f * f;
+                p[0] = (p[0] + (g * a - f * b) / det).clamp(0.0, 1.0);
+                p[1] = (p[1] + (e * b - f * a) / det).clamp(0.0, 1.0);
+            }
+            (p, surface.position(p[0], p[1]))
+        };
+        let (middle, x) = foot(0.5 * (tau + end.tau), p);
+        let height = (self.ray.at(0.5 * (tau + end.tau)) - x).norm();
+        let (_, there) = foot(end.tau, middle);
+        let noise = self.noise(patch);
+        height > 4.0 * noise && (there - end.x).norm() <= 4.0 * noise
     }
 
     /// The second root of a nearly tangent ray close to its end, with the first divided out: for
     /// x(τ) = end + w τ, the normal part n·x_dd τ²/2 = n·w τ gives τ = 2 n·w / n·x_dd, where d is the
     /// ray's direction in parameters. Its relative error is of the order of τ times the change of
-    /// curvature.
+    /// curvature. The outer `None` where the expansion does not hold: its root is off the surface by more
+    /// than rounding.
     fn second_root(
         &self,
         surface: &Parametric,
         patch: &Patch,
         end: &End,
-    ) -> Option<(f64, f64, f64)> {
+    ) -> Option<Option<(f64, f64, f64)>> {
         let j = surface.jet(end.p[0], end.p[1]);
         if !surface.is_regular(&j) {
-            return None; // at a pole there are no directions of parameters
+            return Some(None); // at a pole there are no directions of parameters
         }
         let w = &self.ray.direction;
         let n = j.area_vector();
         let squared = n.norm_squared();
         let slope = n.dot(w);
         if slope.abs() <= 4.0 * f64::EPSILON * n.norm() * w.norm() {
-            return None; // tangent: both roots are one
+            return Some(None); // tangent: both roots are one
         }
         let dual = [j.xv.cross(&n) / squared, n.cross(&j.xu) / squared];
         let d = [dual[0].dot(w), dual[1].dot(w)];
         let bend = j.xuu * (d[0] * d[0]) + j.xuv * (2.0 * d[0] * d[1]) + j.xvv * (d[1] * d[1]);
         let step = 2.0 * slope / n.dot(&bend);
         let tau = end.tau + step;
+        let [s, t] = std::array::from_fn(|k| {
+            end.p[k] + d[k] * step - 0.5 * dual[k].dot(&bend) * step * step
+        });
+        if [s, t].iter().any(|q| !(-OVERLAP..=1.0 + OVERLAP).contains(q)) {
+            return None;
+        }
+        let root = [s, t].map(|q| q.clamp(0.0, 1.0));
+        // The expansion's third order, and what it is worth: nothing where the surface has a kink.
+        let off = (surface.position(root[0], root[1]) - self.ray.at(tau)).norm();
+        // Written so that NaN does not hold.
+        let holds = off <= 8.0 * self.noise(patch);
+        if !holds {
+            return None;
+        }
         // The other end of a short chord is no root to report; the expansion is good to far better than
         // a hundredth here.
         let other = |e: &End| e.tau != end.tau && (tau - e.tau).abs() <= 0.01 * step.abs();
         let in_range = tau > self.t_min.max(0.0) && tau <= self.t_max;
         // Before the start and after the end the ray is none.
         if !in_range || (tau > end.tau) != (end.tau == 0.0) || self.ends.iter().any(other) {
-            return None;
+            return Some(None);
         }
-        let [s, t] = std::array::from_fn(|k| {
-            end.p[k] + d[k] * step - 0.5 * dual[k].dot(&bend) * step * step
-        });
         // A share of the step is as uncertain as the expansion; the neighbour takes what falls there.
         if !patch.cell.contains([s, t], 1.0 + OVERLAP) {
-            return None;
+            return Some(None);
         }
-        let (s, t) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
-        // The expansion's third order, and what it is worth: nothing where the surface has a kink.
-        let off = (surface.position(s, t) - self.ray.at(tau)).norm();
-        (off <= RESIDUAL * surface.size).then_some((tau, s, t))
+        Some(Some((tau, root[0], root[1])))
     }
 }
