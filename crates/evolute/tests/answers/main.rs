@@ -7,8 +7,10 @@
 mod common;
 
 mod cases;
+mod consistency;
 mod direct;
 mod known;
 mod maps;
 mod polygon;
+mod reference;
 mod threads;
