@@ -13,6 +13,11 @@ use crate::surface::{Cylinder, Mesh, Parametric, Sphere, Surface, SurfacePoint};
 
 use std::f64::consts::PI;
 
+/// The largest angle of incidence [rad]. A ray on the limb itself touches the surface, and what becomes
+/// of it is rounding: where it meets the surface again, whether it is totally reflected inside. The
+/// ring that is left out is 1e-10 of a disc.
+const LIMB: f64 = 0.5 * PI - 1e-5;
+
 /// A domain of first rays from one receiver to one surface (or one triangle of a mesh).
 #[derive(Clone, Debug)]
 pub struct Domain<'s> {
@@ -214,7 +219,7 @@ impl<'s> Domain<'s> {
                 self.finish(x, area, n, (a.v, b.v))
             }
             Kind::SphereFromOutside { sphere, frame: [e1, e2, axis], distance } => {
-                let i = a * (0.5 * PI);
+                let i = a * LIMB;
                 let (sin_i, cos_i) = (i.sin(), i.cos());
                 let k = sphere.radius() / distance;
                 let sin_alpha = sin_i * k;
@@ -226,7 +231,7 @@ impl<'s> Domain<'s> {
                 let x = DualVector::constant(self.receiver.coords) + d.scaled(t);
                 let outward =
                     (x - DualVector::constant(sphere.centre().coords)) * (1.0 / sphere.radius());
-                let solid_angle = sin_alpha * cos_i * (k * PI * PI) / cos_alpha;
+                let solid_angle = sin_alpha * cos_i * (k * LIMB * 2.0 * PI) / cos_alpha;
                 let sign = if sphere.faces_outward() { 1.0 } else { -1.0 };
                 Some(FirstPoint {
                     x,
@@ -249,7 +254,7 @@ impl<'s> Domain<'s> {
                 self.finish(x, area, n * sign, (0.0, 0.0))
             }
             Kind::CylinderFromOutside { cylinder, frame, ratio, far } => {
-                let i = a * PI + (-0.5 * PI);
+                let i = a * (2.0 * LIMB) + (-LIMB);
                 let (sin_i, cos_i) = (i.sin(), i.cos());
                 let sin_psi = sin_i * *ratio;
                 let cos_psi = (sin_psi.squared() * -1.0 + 1.0).sqrt();
@@ -259,7 +264,7 @@ impl<'s> Domain<'s> {
                 } else {
                     (i - sin_psi.asin(), turn * -1.0 + 1.0)
                 };
-                self.on_cylinder(cylinder, frame, beta, rate * PI, b)
+                self.on_cylinder(cylinder, frame, beta, rate * (2.0 * LIMB), b)
             }
             Kind::CylinderFromInside { cylinder, frame } => {
                 self.on_cylinder(cylinder, frame, a * (2.0 * PI), Dual::constant(2.0 * PI), b)

@@ -171,15 +171,30 @@ pub fn over_the_rim(cylinder: &Cylinder, ray: &DualRay) -> Dual {
     let central = Ray::new(Point3::from(ray.o.v), ray.d.v);
     let crossing = || {
         let t = cylinder.roots(&central)?[0];
-        let point = cylinder.projected(&central.at(t))?;
-        let n = cylinder.local(&point)?.ng;
-        let x = ray.met(t, &point.x, &n)?;
-        let axis = cylinder.axis().into_inner() / cylinder.length();
-        let h = Dual::new(point.q, x.a.dot(&axis), x.b.dot(&axis));
-        (t > 0.0).then(|| h * (h + -1.0))
+        height(cylinder, ray, t).filter(|_| t > 0.0)
     };
     // Rays that start inside the infinite cylinder pass no wall.
-    crossing().unwrap_or(Dual::constant(1.0))
+    crossing().map_or(Dual::constant(1.0), |h| h * (h + -1.0))
+}
+
+/// Positive where a family of rays that leaves a cylinder's inside passes its far wall beyond one of its
+/// ends, or ends before, at distance `end` [m]: as [`over_the_rim`].
+pub fn over_the_far_rim(cylinder: &Cylinder, ray: &DualRay, end: f64) -> Dual {
+    let origin = Point3::from(ray.o.v);
+    let crossing = || {
+        let t = cylinder.other_root(&origin, &ray.d.v).filter(|t| *t > 0.0 && *t < end)?;
+        height(cylinder, ray, t)
+    };
+    crossing().map_or(Dual::constant(1.0), |h| h * (h + -1.0))
+}
+
+/// The height at which a family of rays meets the infinite cylinder, in its length from the first end.
+fn height(cylinder: &Cylinder, ray: &DualRay, t: f64) -> Option<Dual> {
+    let point = cylinder.projected(&(Point3::from(ray.o.v) + ray.d.v * t))?;
+    let n = cylinder.local(&point)?.ng;
+    let x = ray.met(t, &point.x, &n)?;
+    let axis = cylinder.axis().into_inner() / cylinder.length();
+    Some(Dual::new(point.q, x.a.dot(&axis), x.b.dot(&axis)))
 }
 
 fn on_plane(

@@ -5,6 +5,7 @@ use arrayvec::ArrayVec;
 use super::chain::{Departure, MAX_CHAIN_EDGES, Visibility};
 use super::cut::MAX_CONSTRAINTS;
 use super::domain::Domain;
+use super::extension::over_the_far_rim;
 use super::lamp::{Lamp, MAX_LAMP_EDGES};
 use super::settings::{Counts, Receiver};
 use super::shaft::{Body, Shaft};
@@ -12,10 +13,11 @@ use super::word::{GridPoint, WordId, Words};
 use crate::geometry::{Point3, Ray, Vector3};
 use crate::optics::Dual;
 use crate::scene::{Scene, ShapeId};
+use crate::surface::Surface;
 use crate::trace::{Anchor, Tracer};
 
 /// Most edge functions of a field; the rest of [`MAX_CONSTRAINTS`] is for the border of shadows.
-pub const MAX_FIELD_EDGES: usize = MAX_CHAIN_EDGES + MAX_LAMP_EDGES;
+pub const MAX_FIELD_EDGES: usize = MAX_CHAIN_EDGES + MAX_LAMP_EDGES + 1;
 const _: () = assert!(MAX_FIELD_EDGES < MAX_CONSTRAINTS);
 
 /// What sampling knows of a point of a domain.
@@ -152,12 +154,22 @@ pub fn sample_through(
     let outline = lamp.edges(&departure.ray);
     let on_lamp = outline.iter().all(|e| e.v > 0.0);
     edges.extend(outline);
+    let mut sight = sight(departure, lamp, scene, on_lamp);
+    if let Surface::Cylinder(cylinder) = &scene.shape(departure.anchor.shape).surface {
+        // The far wall is the one occluder that has an edge function.
+        let end = lamp.passes_at(&departure.ray).unwrap_or(f64::INFINITY);
+        let wall = over_the_far_rim(cylinder, &departure.ray, end);
+        edges.push(wall);
+        if wall.v <= 0.0 && sight == Sight::Off {
+            sight = Sight::Unknown;
+        }
+    }
     let w = departure.weight;
     Some(FieldSample {
         edges,
         borders: departure.edges.len(),
         weight: departure.throughput.map(|t| w * t),
-        sight: sight(departure, lamp, scene, on_lamp),
+        sight,
         normal: departure.first_normal,
         direction: departure.ray.d.v,
         solid_angle: departure.solid_angle,

@@ -44,9 +44,6 @@ impl GridPoint {
     }
 }
 
-/// Cosine of incidence below which a ray touches the surface: a few roundings of a right angle.
-const LIMB: f64 = 1e-12;
-
 /// Index of a word in its tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WordId(pub u32);
@@ -428,13 +425,6 @@ impl<'s> Words<'s> {
         }
         let (first, free) = (*self.roots[root].legs.get(&at.key())?)?;
         let cos_1 = first.d.dot_constant(&normal);
-        // On the limb a ray touches the surface twice in one point: what the tracer meets there is
-        // rounding, and nothing is lit on a line.
-        let visible = match free {
-            _ if first.d.v.dot(&first.n.v).abs() < LIMB => Visibility::Beyond,
-            true => Visibility::Free,
-            false => Visibility::Blocked,
-        };
         let mut arrival = Arrival {
             anchor: Anchor { shape: step.shape, point: first.point },
             x: first.x,
@@ -446,7 +436,7 @@ impl<'s> Words<'s> {
             throughput: [Dual::constant(1.0); 3],
             radiance_scale: 1.0,
             edges: ArrayVec::new(),
-            visible,
+            visible: if free { Visibility::Free } else { Visibility::Blocked },
         };
         arrival.push_edge(cos_1);
         if let Some(rim) = self.roots[root].domain.rim(&first) {
