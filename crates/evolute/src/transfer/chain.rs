@@ -50,8 +50,8 @@ impl Step {
 pub enum Visibility {
     /// Nothing in the way.
     Free,
-    /// Something stands in a leg.
-    Blocked,
+    /// Something stands in a leg: which shape, if it is known.
+    Blocked(Option<ShapeId>),
     /// The chain is beyond a border, where an edge function decides.
     Beyond,
 }
@@ -88,7 +88,7 @@ impl Arrival {
     /// Adds an edge function, or decides by sampling when there are too many.
     pub fn push_edge(&mut self, edge: Dual) {
         if self.edges.try_push(edge).is_err() && edge.v <= 0.0 {
-            self.visible = Visibility::Blocked;
+            self.visible = Visibility::Blocked(None);
         }
     }
 }

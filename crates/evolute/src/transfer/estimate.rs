@@ -6,6 +6,7 @@
 
 use arrayvec::ArrayVec;
 
+use super::beam::may_hide;
 use super::boundary::{Border, border};
 use super::chain::MAX_CHAIN_EDGES;
 use super::field::{FieldSample, Sight};
@@ -16,10 +17,14 @@ use super::quadrature::{LAST_LEVEL, Quadrature, Term};
 use super::word::{GRID_BITS, GridPoint, WordId};
 use crate::geometry::Rgb;
 use crate::optics::Dual;
+use crate::scene::ShapeId;
+use crate::surface::Surface;
 
 /// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
 /// rays to the corners and the centre meets it.
 const HIDDEN_SHARE: f64 = 0.5;
+/// A mesh of more triangles may be a blind or a comb; a cube has twelve.
+const SOLID_TRIANGLES: usize = 12;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
 /// it between its samples.
 const WATCHED_SHARE: f64 = 0.05;
@@ -157,9 +162,17 @@ impl Quadrature<'_, '_> {
             .chain([&centre])
             .flatten()
             .any(|s| s.sight == Sight::Off && s.is_inside());
+        let blockers: ArrayVec<ShapeId, 5> =
+            corners.iter().chain([&centre]).flatten().filter_map(|s| s.blocker).collect();
         let interpolant = Interpolant::new(&corners, centre, edges, h, light)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
-            return Err(Darkness::NoLight);
+            if !matters || self.hide_all(&blockers, level < first + 2) {
+                return Err(Darkness::NoLight);
+            }
+            // Light may come through between one body and the next.
+            let (integral, error) = interpolant.lit(tolerance);
+            let whole = interpolant.light.luminance(integral).abs().max(error);
+            return Ok(Estimate { error: HIDDEN_SHARE * whole, ..Estimate::DARK });
         }
         self.with_sights(place, interpolant, (sights, middle, hidden), tolerance)
     }
@@ -231,14 +244,11 @@ impl Quadrature<'_, '_> {
                     error = whole;
                 }
             }
-        } else if through && interpolant.is_cut() && whole > WATCHED_SHARE * tolerance {
-            // All that was asked is free, but may lie outside the lit part, which is what counts.
-            let points = interpolant.lit_points();
-            let hidden = points.iter().filter(|(a, b)| !self.sees(term, place.at(*a, *b))).count();
-            if hidden > 0 {
-                let share = hidden as f64 / points.len() as f64;
-                integral = integral.map(|v| (1.0 - share) * v);
-                error = error.max(whole * share.max(HIDDEN_SHARE));
+        } else if through && whole > WATCHED_SHARE * tolerance {
+            let hidden = self.hidden_share(place, &interpolant);
+            integral = integral.map(|v| (1.0 - hidden) * v);
+            if hidden > 0.0 || self.may_hide_through(place) {
+                error = error.max(whole * hidden.max(HIDDEN_SHARE));
             }
         } else if let Term::Direct(field, _) = &self.terms[term] {
             // All five rays are free; a proof is asked for what stands between them.
@@ -262,6 +272,36 @@ impl Quadrature<'_, '_> {
         let weights = numbers.iter().filter_map(|k| self.samples[*k].as_ref());
         let most = weights.flat_map(|s| s.weight.iter()).fold(0f64, |m, w| m.max(w.v.abs()));
         most * place.size() * place.size() * radiance.luminance()
+    }
+
+    /// Which share of a few points of the lit part is hidden. All five rays are free, but may lie
+    /// outside the lit part, which is what counts.
+    fn hidden_share(&mut self, place: &Place, interpolant: &Interpolant) -> f64 {
+        if !interpolant.is_cut() {
+            return 0.0;
+        }
+        let points = interpolant.lit_points();
+        let hidden = points.iter().filter(|(a, b)| !self.sees(place.term, place.at(*a, *b)));
+        hidden.count() as f64 / points.len().max(1) as f64
+    }
+
+    /// Whether bodies hide a whole cell if each of its five rays meets one: the same one, and at first
+    /// one that has no gaps of its own.
+    fn hide_all(&self, blockers: &[ShapeId], first_cells: bool) -> bool {
+        let Some(one) = blockers.first() else { return true };
+        let solid = |shape: ShapeId| match &self.words.scene().shape(shape).surface {
+            Surface::Mesh(m) => m.triangles().len() <= SOLID_TRIANGLES,
+            _ => true,
+        };
+        blockers.iter().all(|b| b == one) && !(first_cells && !solid(*one))
+    }
+
+    /// Whether something reaches into the beam of a cell of a word between the rays that were asked.
+    fn may_hide_through(&mut self, place: &Place) -> bool {
+        let Term::Through(word, lamp) = self.terms[place.term] else { return false };
+        let [p, q, r, s] = place.corners();
+        let boxes_count = place.cell.level < self.first[place.term] + 2;
+        may_hide(&mut self.words, word, &self.lamps[lamp], [p, q, s, r], boxes_count)
     }
 
     /// Whether nothing is known to stand in the way at a grid point.

@@ -42,6 +42,8 @@ pub struct FieldSample {
     pub weight: [Dual; 3],
     /// Whether something stands in the way.
     pub sight: Sight,
+    /// What does, if it is known.
+    pub blocker: Option<ShapeId>,
     /// Normal of the first surface.
     pub normal: Vector3,
     /// Direction of the last leg.
@@ -133,6 +135,7 @@ impl<'s> DirectField<'s> {
             edges,
             weight: [weight; 3],
             sight,
+            blocker: None,
             normal: first.n.v,
             direction: first.d.v,
             solid_angle: first.solid_angle.v,
@@ -154,7 +157,7 @@ pub fn sample_through(
     let outline = lamp.edges(&departure.ray);
     let on_lamp = outline.iter().all(|e| e.v > 0.0);
     edges.extend(outline);
-    let mut sight = sight(departure, lamp, scene, on_lamp);
+    let (mut sight, blocker) = sight(departure, lamp, scene, on_lamp);
     if let Surface::Cylinder(cylinder) = &scene.shape(departure.anchor.shape).surface {
         // The far wall is the one occluder that has an edge function.
         let end = lamp.passes_at(&departure.ray).unwrap_or(f64::INFINITY);
@@ -170,6 +173,7 @@ pub fn sample_through(
         borders: departure.edges.len(),
         weight: departure.throughput.map(|t| w * t),
         sight,
+        blocker,
         normal: departure.first_normal,
         direction: departure.ray.d.v,
         solid_angle: departure.solid_angle,
@@ -177,29 +181,36 @@ pub fn sample_through(
     })
 }
 
-/// Whether the last leg reaches the lamp. Where it misses the outline, what it meets instead says
-/// nothing: a wall that touches the lamp's edge is no occluder.
-fn sight(departure: &Departure, lamp: &Lamp, scene: &Scene, on_outline: bool) -> Sight {
+/// Whether the last leg reaches the lamp, and what keeps it from it. Where it misses the outline, what it
+/// meets instead says nothing: a wall that touches the lamp's edge is no occluder.
+fn sight(
+    departure: &Departure,
+    lamp: &Lamp,
+    scene: &Scene,
+    on_outline: bool,
+) -> (Sight, Option<ShapeId>) {
     match departure.visible {
-        Visibility::Blocked => return Sight::Off,
-        Visibility::Beyond => return Sight::Unknown,
+        Visibility::Blocked(by) => return (Sight::Off, by),
+        Visibility::Beyond => return (Sight::Unknown, None),
         Visibility::Free => {}
     }
-    let on_lamp = departure.next.as_ref().is_some_and(|h| lamp.is_hit(&h.anchor, scene));
+    let next = departure.next.as_ref();
+    let on_lamp = next.is_some_and(|h| lamp.is_hit(&h.anchor, scene));
+    let by = next.map(|h| h.anchor.shape);
     if !lamp.has_outline() {
         // The tracer alone knows; its hits on the back are told by the caller's radiance side.
-        return if on_lamp { Sight::On } else { Sight::Off };
+        return if on_lamp { (Sight::On, None) } else { (Sight::Off, by) };
     }
     if on_lamp {
-        return Sight::On;
+        return (Sight::On, None);
     }
     if !on_outline {
-        return Sight::Unknown;
+        return (Sight::Unknown, None);
     }
-    let Some(at) = lamp.passes_at(&departure.ray) else { return Sight::Unknown };
-    match &departure.next {
+    let Some(at) = lamp.passes_at(&departure.ray) else { return (Sight::Unknown, None) };
+    match next {
         // The lamp's own plane is met at the same distance but for rounding.
-        Some(hit) if hit.t < at * (1.0 - 1e-9) => Sight::Off,
-        _ => Sight::On,
+        Some(hit) if hit.t < at * (1.0 - 1e-9) => (Sight::Off, by),
+        _ => (Sight::On, None),
     }
 }

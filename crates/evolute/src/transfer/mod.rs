@@ -3,6 +3,7 @@
 //! Every receiver is on its own: what it gets depends on the scene and the settings, not on other
 //! receivers or threads.
 
+mod beam;
 mod boundary;
 mod chain;
 mod criteria;

@@ -10,7 +10,7 @@ use crate::trace::Tracer;
 /// Most corners of the base.
 pub const MAX_CORNERS: usize = 8;
 
-/// The convex hull of a receiver and a convex polygon.
+/// The convex hull of a receiver and a convex polygon, or of two quadrilaterals.
 pub struct Shaft {
     points: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
     normals: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
@@ -60,6 +60,29 @@ impl Shaft {
             normals.push((corners[1] - corners[0]).cross(&(corners[2] - corners[0])));
         }
         // Touching is no crossing: rounding moves a projection by a few ulps of the coordinates.
+        let size = points.iter().fold(0f64, |m, p: &Vector3| m.max(p.norm()));
+        Self { points, normals, edges, slack: 1e-13 * size }
+    }
+
+    /// From one quadrilateral to another, corner by corner.
+    pub fn between(starts: &[Point3], ends: &[Point3]) -> Self {
+        let n = starts.len().min(ends.len()).min(MAX_CORNERS / 2);
+        let (mut points, mut normals, mut edges) =
+            (ArrayVec::new(), ArrayVec::new(), ArrayVec::new());
+        for k in 0..n {
+            let (p, q) = (starts[k], starts[(k + 1) % n]);
+            let (x, y) = (ends[k], ends[(k + 1) % n]);
+            points.extend([p.coords, x.coords]);
+            // Of the two planes through a side that need not be flat.
+            let side = if (q - p).norm_squared() > (y - x).norm_squared() { q - p } else { y - x };
+            normals.push(side.cross(&(x - p)));
+            edges.extend([x - p, q - p, y - x]);
+        }
+        if n >= 3 {
+            for corners in [starts, ends] {
+                normals.push((corners[1] - corners[0]).cross(&(corners[2] - corners[0])));
+            }
+        }
         let size = points.iter().fold(0f64, |m, p: &Vector3| m.max(p.norm()));
         Self { points, normals, edges, slack: 1e-13 * size }
     }

@@ -355,7 +355,7 @@ impl Look {
     /// Looks at one chain of the word; whether it is legal.
     fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) -> bool {
         let Some(departure) = words.departure(word, at) else { return false };
-        self.reaches |= departure.visible != Visibility::Blocked;
+        self.reaches |= !matches!(departure.visible, Visibility::Blocked(_));
         let legal =
             departure.visible == Visibility::Free && departure.edges.iter().all(|e| e.v >= 0.0);
         if legal {

@@ -72,8 +72,8 @@ struct Word {
     first_level: u32,
 }
 
-/// The first leg at a grid point: shared by the events at the first surface.
-type FirstLeg = Option<(super::domain::FirstPoint, bool)>;
+/// The first leg at a grid point and what stands in it: shared by the events at the first surface.
+type FirstLeg = Option<(super::domain::FirstPoint, Option<ShapeId>)>;
 
 struct Root<'s> {
     domain: Domain<'s>,
@@ -113,6 +113,16 @@ impl<'s> Words<'s> {
     /// The scene.
     pub fn scene(&self) -> &'s Scene {
         self.scene
+    }
+
+    /// The tracer.
+    pub fn tracer(&self) -> &'s Tracer<'s> {
+        self.tracer
+    }
+
+    /// Whether the receiver lies on a shape.
+    pub fn touches(&self, shape: ShapeId) -> bool {
+        self.contacts.iter().any(|c| c.shape == shape)
     }
 
     /// Adds the words of one event each at `shape`; their ids.
@@ -418,12 +428,12 @@ impl<'s> Words<'s> {
                 let hit = self.tracer.nearest(&ray, f64::INFINITY, &self.contacts);
                 // Nothing nearer than the point, whose own root the tracer finds at the same distance
                 // but for rounding, or misses on a border or at the limb.
-                let free = hit.is_none_or(|h| h.t >= first.distance * (1.0 - 1e-8));
-                (first, free)
+                let hit = hit.filter(|h| h.t < first.distance * (1.0 - 1e-8));
+                (first, hit.map(|h| h.anchor.shape))
             });
             self.roots[root].legs.insert(at.key(), leg);
         }
-        let (first, free) = (*self.roots[root].legs.get(&at.key())?)?;
+        let (first, blocker) = (*self.roots[root].legs.get(&at.key())?)?;
         let cos_1 = first.d.dot_constant(&normal);
         let mut arrival = Arrival {
             anchor: Anchor { shape: step.shape, point: first.point },
@@ -436,7 +446,7 @@ impl<'s> Words<'s> {
             throughput: [Dual::constant(1.0); 3],
             radiance_scale: 1.0,
             edges: ArrayVec::new(),
-            visible: if free { Visibility::Free } else { Visibility::Blocked },
+            visible: blocker.map_or(Visibility::Free, |b| Visibility::Blocked(Some(b))),
         };
         arrival.push_edge(cos_1);
         if let Some(rim) = self.roots[root].domain.rim(&first) {
@@ -474,7 +484,9 @@ impl<'s> Words<'s> {
         let inside = meeting.apertures.iter().all(|e| e.v > 0.0);
         let visible = match before.visible {
             Visibility::Free if real.is_some() => Visibility::Free,
-            Visibility::Free if inside => Visibility::Blocked,
+            Visibility::Free if inside => {
+                Visibility::Blocked(before.next.as_ref().map(|h| h.anchor.shape))
+            }
             Visibility::Free => Visibility::Beyond,
             other => other,
         };
