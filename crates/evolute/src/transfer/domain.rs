@@ -39,8 +39,9 @@ enum Kind<'s> {
     Parameters { surface: &'s Parametric },
     /// Receiver outside a sphere: angle of incidence and azimuth.
     SphereFromOutside { sphere: &'s Sphere, frame: [Vector3; 3], distance: f64 },
-    /// Receiver inside: polar angle and azimuth about the receiver's radius.
-    SphereFromInside { sphere: &'s Sphere, frame: [Vector3; 3] },
+    /// Receiver inside, or on the sphere (chords alone): polar angle of the direction from the
+    /// receiver's radius, and azimuth.
+    SphereFromInside { sphere: &'s Sphere, frame: [Vector3; 3], distance: f64, chords: bool },
     /// Receiver beside a cylinder: angle of incidence across, height along; its near or far wall.
     CylinderFromOutside { cylinder: &'s Cylinder, frame: [Vector3; 2], ratio: f64, far: bool },
     /// Receiver within the infinite cylinder: azimuth and height.
@@ -99,7 +100,12 @@ impl<'s> Domain<'s> {
                         distance,
                     })]
                 } else {
-                    vec![with(Kind::SphereFromInside { sphere: s, frame: [e1, e2, axis] })]
+                    vec![with(Kind::SphereFromInside {
+                        sphere: s,
+                        frame: [e1, e2, axis],
+                        distance,
+                        chords: on_surface,
+                    })]
                 }
             }
             Surface::Cylinder(c) => {
@@ -242,16 +248,32 @@ impl<'s> Domain<'s> {
                     point: SurfacePoint { primitive: 0, p: 0.0, q: 0.0, x: Point3::from(x.v) },
                 })
             }
-            Kind::SphereFromInside { sphere, frame: [e1, e2, axis] } => {
-                let (theta, phi) = (a * PI, b * (2.0 * PI));
+            Kind::SphereFromInside { sphere, frame: [e1, e2, axis], distance, chords } => {
+                // On the sphere itself half of all directions lead away from it.
+                let span = if *chords { 0.5 * PI } else { PI };
+                let psi = a * span + (PI - span);
+                let (sin, cos) = (psi.sin(), psi.cos());
+                let phi = b * (2.0 * PI);
                 let across = combine(&Vector3::zeros(), &[*e1, *e2], [phi.cos(), phi.sin()]);
-                let n =
-                    DualVector::constant(*axis).scaled(theta.cos()) + across.scaled(theta.sin());
+                let d = DualVector::constant(*axis).scaled(cos) + across.scaled(sin);
                 let r = sphere.radius();
-                let x = DualVector::constant(sphere.centre().coords) + n * r;
-                let area = n.scaled(theta.sin() * (2.0 * PI * PI * r * r));
+                let half = if *chords {
+                    cos * -*distance
+                } else {
+                    ((sin * *distance).squared() * -1.0 + r * r).sqrt()
+                };
+                let t = half + cos * -*distance;
+                let x = DualVector::constant(self.receiver.coords) + d.scaled(t);
+                let outward = (x - DualVector::constant(sphere.centre().coords)) * (1.0 / r);
                 let sign = if sphere.faces_outward() { 1.0 } else { -1.0 };
-                self.finish(x, area, n * sign, (0.0, 0.0))
+                Some(FirstPoint {
+                    x,
+                    n: outward * sign,
+                    d,
+                    distance: t.v,
+                    solid_angle: sin * (span * 2.0 * PI),
+                    point: SurfacePoint { primitive: 0, p: 0.0, q: 0.0, x: Point3::from(x.v) },
+                })
             }
             Kind::CylinderFromOutside { cylinder, frame, ratio, far } => {
                 let i = a * (2.0 * LIMB) + (-LIMB);

@@ -371,7 +371,12 @@ fn look(words: &mut Words<'_>, word: WordId) -> Look {
     let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
     let (mut asked, mut legal) = (0.0, 0.0);
     let parent = words.parent(word);
-    for at in grid(COARSE_LEVEL) {
+    let mut level = COARSE_LEVEL;
+    // A first surface of which a coarse grid sees nothing may still show a little.
+    if parent.is_none() && !grid(level).any(|at| words.is_legal(word, at)) {
+        level = FIRST_LEVEL;
+    }
+    for at in grid(level) {
         asked += 1.0;
         // Where the word before is not, this one is not either.
         if parent.is_none_or(|parent| words.is_legal(parent, at)) && look.ask(words, word, at) {
