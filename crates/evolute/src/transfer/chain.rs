@@ -71,8 +71,8 @@ pub struct Arrival {
     pub first_normal: Vector3,
     /// cos θ₁ times solid angle at the receiver per unit of (a, b) [sr].
     pub weight: Dual,
-    /// Solid angle alone [sr].
-    pub solid_angle: f64,
+    /// Direction of the first leg, for criterion 1.
+    pub first_direction: Vector3,
     /// Throughput of radiance so far, a channel each.
     pub throughput: [Dual; 3],
     /// (n_P / n)² for the medium that the family is in: the part of the throughput that leaving the
@@ -104,8 +104,8 @@ pub struct Departure {
     pub first_normal: Vector3,
     /// As in [`Arrival::weight`].
     pub weight: Dual,
-    /// As in [`Arrival::solid_angle`].
-    pub solid_angle: f64,
+    /// As in [`Arrival::first_direction`].
+    pub first_direction: Vector3,
     /// Throughput of radiance after the event, a channel each.
     pub throughput: [Dual; 3],
     /// As in [`Arrival::radiance_scale`].
@@ -187,7 +187,7 @@ pub fn depart(arrival: &Arrival, material: &Material, step: &Step) -> Option<Dep
         ray,
         first_normal: arrival.first_normal,
         weight: arrival.weight,
-        solid_angle: arrival.solid_angle,
+        first_direction: arrival.first_direction,
         throughput,
         radiance_scale,
         edges: arrival.edges.clone(),

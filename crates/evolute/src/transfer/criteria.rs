@@ -4,6 +4,7 @@
 //! the queue works down.
 
 use super::field::{FieldSample, Sight};
+use crate::geometry::{Vector3, math};
 
 /// Criterion 1: the solid angle that a cell spans at the receiver is small enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,11 +65,23 @@ impl Default for Criteria {
 }
 
 impl SolidAngle {
-    /// Whether a cell of this share of the domain is too large.
-    pub fn divides(&self, corners: &[Option<&FieldSample>; 4], area: f64) -> bool {
-        let (sum, count) =
-            corners.iter().flatten().fold((0.0, 0.0), |(s, n), c| (s + c.solid_angle, n + 1.0));
-        count > 0.0 && sum / count * area > self.largest
+    /// The solid angle that a cell spans [sr], of two spherical triangles between the directions of its
+    /// corners (Van Oosterom & Strackee 1983); zero if a corner's chain does not exist. A density at
+    /// the corners would miss a receiver that nearly touches the middle.
+    pub fn spanned(corners: &[Option<&FieldSample>; 4]) -> f64 {
+        let [Some(p), Some(q), Some(r), Some(s)] = corners else { return 0.0 };
+        let triangle = |a: &Vector3, b: &Vector3, c: &Vector3| {
+            let volume = a.dot(&b.cross(c)).abs();
+            2.0 * math::atan2(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
+        };
+        let (p, q, r, s) =
+            (&p.first_direction, &q.first_direction, &r.first_direction, &s.first_direction);
+        triangle(p, q, s) + triangle(p, s, r)
+    }
+
+    /// Whether a cell is too large.
+    pub fn divides(&self, corners: &[Option<&FieldSample>; 4]) -> bool {
+        Self::spanned(corners) > self.largest
     }
 }
 

@@ -140,11 +140,8 @@ impl Quadrature<'_, '_> {
             && most * h * h * light.radiance.luminance() > MATTERS_SHARE * tolerance;
         let coarse = level < first + 3;
         let c = &self.criteria;
-        if matters
-            && coarse
-            && (c.solid_angle.is_some_and(|c| c.divides(&corners, h * h))
-                || c.normal_variation.is_some_and(|c| c.divides(&corners)))
-        {
+        let large = level < LAST_LEVEL && c.solid_angle.is_some_and(|c| c.divides(&corners));
+        if large || (matters && coarse && c.normal_variation.is_some_and(|c| c.divides(&corners))) {
             return Ok(Estimate::DIVIDE);
         }
         let edges = Interpolant::edges(&corners, h)?;

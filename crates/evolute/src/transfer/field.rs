@@ -48,8 +48,8 @@ pub struct FieldSample {
     pub normal: Vector3,
     /// Direction of the last leg.
     pub direction: Vector3,
-    /// Solid angle at the receiver per unit of (a, b) [sr].
-    pub solid_angle: f64,
+    /// Direction of the first leg.
+    pub first_direction: Vector3,
     /// What the last leg meets.
     pub next: Option<ShapeId>,
 }
@@ -138,7 +138,7 @@ impl<'s> DirectField<'s> {
             blocker: None,
             normal: first.n.v,
             direction: first.d.v,
-            solid_angle: first.solid_angle.v,
+            first_direction: first.d.v,
             next: Some(self.shape),
         })
     }
@@ -176,7 +176,7 @@ pub fn sample_through(
         blocker,
         normal: departure.first_normal,
         direction: departure.ray.d.v,
-        solid_angle: departure.solid_angle,
+        first_direction: departure.first_direction,
         next: departure.next.map(|h| h.anchor.shape),
     })
 }
