@@ -21,6 +21,8 @@ pub struct NormalVariation {
     pub least_cosine: f64,
     /// Least allowed cosine between two corners' last legs.
     pub least_direction_cosine: f64,
+    /// Widest allowed cone of normals, proved by intervals, half its opening [rad].
+    pub widest_cone: f64,
 }
 
 /// Criterion 3: the ray trees of neighbouring samples hit the same or adjacent surfaces.
@@ -56,6 +58,9 @@ impl Default for Criteria {
             normal_variation: Some(NormalVariation {
                 least_cosine: 0.82,
                 least_direction_cosine: 0.3,
+                // Intervals are up to twice too wide: a cell of a wave whose corners say all there is
+                // to say should pass, one with a bump between its corners should not.
+                widest_cone: 0.87,
             }),
             // One more look where something is seen at one corner and not at the next.
             matching_trees: Some(MatchingTrees { divisions: 2 }),
@@ -86,17 +91,17 @@ impl SolidAngle {
 }
 
 impl NormalVariation {
-    /// Whether the corners' normals differ too much.
-    pub fn divides(&self, corners: &[Option<&FieldSample>; 4]) -> bool {
-        (0..4).any(|i| {
-            (0..i).any(|j| match (corners[i], corners[j]) {
-                (Some(p), Some(q)) => {
-                    p.normal.dot(&q.normal) < self.least_cosine
-                        || p.direction.dot(&q.direction) < self.least_direction_cosine
-                }
-                _ => false,
-            })
-        })
+    /// Whether the normals of a cell, of which a cone of half the opening `cone` [rad] is proved to hold
+    /// all, or the directions of its corners' last legs differ too much.
+    pub fn divides(&self, corners: &[Option<&FieldSample>; 4], cone: f64) -> bool {
+        let differ = |i: usize, j: usize| match (corners[i], corners[j]) {
+            (Some(p), Some(q)) => {
+                p.normal.dot(&q.normal) < self.least_cosine
+                    || p.direction.dot(&q.direction) < self.least_direction_cosine
+            }
+            _ => false,
+        };
+        cone > self.widest_cone || (0..4).any(|i| (0..i).any(|j| differ(i, j)))
     }
 }
 

@@ -156,6 +156,15 @@ impl<'s> Domain<'s> {
         !matches!(self.kind, Kind::Parameters { .. })
     }
 
+    /// Half the opening [rad] of a cone that certainly holds all normals of a cell, where the domain is
+    /// known only by evaluating it; zero where its coordinates leave no doubt.
+    pub fn normal_cone(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
+        match &self.kind {
+            Kind::Parameters { surface } => surface.normal_cone(a, b),
+            _ => 0.0,
+        }
+    }
+
     /// The border that the surface's own near wall is on the way to a first point on its far wall.
     pub fn rim(&self, first: &FirstPoint) -> Option<Dual> {
         let Kind::CylinderFromOutside { cylinder, far: true, .. } = &self.kind else { return None };

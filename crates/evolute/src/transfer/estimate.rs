@@ -48,7 +48,7 @@ impl Place {
 
     /// Side in the domain.
     fn size(&self) -> f64 {
-        1.0 / f64::from(1u32 << self.cell.level)
+        self.cell.size()
     }
 
     /// The grid point nearest to (a, b) of the cell.
@@ -117,6 +117,12 @@ impl Quadrature<'_, '_> {
         {
             return Err(Darkness::NoChain);
         }
+        let cone = match self.terms[term] {
+            Term::Through(word, _) if self.criteria.normal_variation.is_some() => {
+                self.words.normal_cone(word, place.cell)
+            }
+            _ => 0.0,
+        };
         let numbers = place.corners().map(|point| self.sample(term, point));
         let light = match &self.terms[term] {
             Term::Direct(_, radiance) => Light { radiance: *radiance, channels: 1 },
@@ -141,7 +147,8 @@ impl Quadrature<'_, '_> {
         let coarse = level < first + 3;
         let c = &self.criteria;
         let large = level < LAST_LEVEL && c.solid_angle.is_some_and(|c| c.divides(&corners));
-        if large || (matters && coarse && c.normal_variation.is_some_and(|c| c.divides(&corners))) {
+        let bent = c.normal_variation.is_some_and(|c| c.divides(&corners, cone));
+        if large || (matters && coarse && bent) {
             return Ok(Estimate::DIVIDE);
         }
         let edges = Interpolant::edges(&corners, h)?;

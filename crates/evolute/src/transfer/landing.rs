@@ -43,8 +43,19 @@ impl Square {
         Self { level, i: at.i & inside, j: at.j & inside }
     }
 
-    fn key(&self) -> u64 {
-        GridPoint { i: self.i, j: self.j }.key() | (u64::from(self.level) << 58)
+    /// One number for all.
+    pub fn key(&self) -> u64 {
+        self.corner().key() | (u64::from(self.level) << 58)
+    }
+
+    /// The least corner.
+    pub fn corner(&self) -> GridPoint {
+        GridPoint { i: self.i, j: self.j }
+    }
+
+    /// Side in the domain.
+    pub fn size(&self) -> f64 {
+        1.0 / f64::from(1u32 << self.level)
     }
 }
 
@@ -60,7 +71,7 @@ impl Landings {
 
     /// Whether a chain from inside the cell met the target.
     pub fn any(&self, target: Target, cell: Square) -> bool {
-        let from = along_curve(GridPoint { i: cell.i, j: cell.j });
+        let from = along_curve(cell.corner());
         let to = from + (1u64 << (2 * (GRID_BITS - cell.level)));
         self.0.range((target, from)..(target, to)).next().is_some()
     }

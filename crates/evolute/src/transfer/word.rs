@@ -77,6 +77,8 @@ type FirstLeg = Option<(super::domain::FirstPoint, Option<ShapeId>)>;
 
 struct Root<'s> {
     domain: Domain<'s>,
+    /// Cones of normals by cell.
+    cones: HashMap<u64, f64, GridHasher>,
     legs: HashMap<u64, FirstLeg, GridHasher>,
 }
 
@@ -168,7 +170,7 @@ impl<'s> Words<'s> {
                     ids.push(self.add(Source::First(root), step, 1, true));
                 }
             }
-            self.roots.push(Root { domain, legs: HashMap::default() });
+            self.roots.push(Root { domain, cones: HashMap::default(), legs: HashMap::default() });
         }
         ids
     }
@@ -227,6 +229,20 @@ impl<'s> Words<'s> {
     /// Whose words they are.
     pub fn receiver(&self) -> Receiver {
         self.receiver
+    }
+
+    /// Half the opening [rad] of a cone that certainly holds all normals of the first surface in a cell.
+    pub fn normal_cone(&mut self, word: WordId, cell: Square) -> f64 {
+        match self.words[word.0 as usize].source {
+            Source::After(parent) => self.normal_cone(parent, cell),
+            Source::First(root) => {
+                let Root { domain, cones, .. } = &mut self.roots[root];
+                let (from, side) = (cell.corner().coordinates(), cell.size());
+                *cones.entry(cell.key()).or_insert_with(|| {
+                    domain.normal_cone([from.0, from.0 + side], [from.1, from.1 + side])
+                })
+            }
+        }
     }
 
     /// The word before the last letter.
