@@ -8,6 +8,7 @@ mod common;
 
 mod cases;
 mod consistency;
+mod criteria;
 mod direct;
 mod known;
 mod maps;
