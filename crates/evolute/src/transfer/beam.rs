@@ -19,21 +19,23 @@ use crate::surface::Surface;
 
 /// Most primitives that are looked at one by one in a leg's box.
 const MAX_SUSPECTS: usize = 64;
+/// Divisions down to which a cell with more than that in its box counts as doubtful.
+const MANY: u32 = 2;
 
 /// Whether something may hide a part of a lamp from the chains of a word at and between four grid
-/// points, in order around a cell. Bodies that are known only by their boxes count if `boxes_count`.
+/// points, in order around a cell that many divisions below the first grid.
 pub fn may_hide(
     words: &mut Words<'_>,
     word: WordId,
     lamp: &Lamp,
     corners: [GridPoint; 4],
-    boxes_count: bool,
+    divisions: u32,
 ) -> bool {
     let mut chain = vec![word];
     while let Some(before) = chain.last().and_then(|w| words.parent(*w)) {
         chain.push(before);
     }
-    let mut leg = Leg { starts: ArrayVec::new(), from: None, boxes_count };
+    let mut leg = Leg { starts: ArrayVec::new(), from: None, divisions };
     leg.starts.push(words.receiver().position);
     for id in chain.into_iter().rev() {
         let mut points = ArrayVec::new();
@@ -46,7 +48,7 @@ pub fn may_hide(
         if leg.is_suspicious(words, &points, shape) {
             return true;
         }
-        leg = Leg { starts: points, from: shape, boxes_count };
+        leg = Leg { starts: points, from: shape, divisions };
     }
     let bounds = words.scene().shape(lamp.shape).surface.bounds();
     let mut ends = ArrayVec::new();
@@ -66,7 +68,7 @@ struct Leg {
     /// One point, or one for each corner of the cell [m].
     starts: ArrayVec<Point3, 4>,
     from: Option<ShapeId>,
-    boxes_count: bool,
+    divisions: u32,
 }
 
 impl Leg {
@@ -80,7 +82,7 @@ impl Leg {
         let bounds = Aabb::around(self.starts.iter().chain(ends).copied());
         let mut found = Vec::new();
         if !words.tracer().occluders_in(&bounds, &mut found, MAX_SUSPECTS) {
-            return self.boxes_count;
+            return self.divisions < MANY;
         }
         if found.iter().all(|(shape, _)| self.is_end(words, *shape, to)) {
             return false;
@@ -93,8 +95,8 @@ impl Leg {
             if self.is_end(words, shape, to) {
                 return false;
             }
-            let (body, exact) = Body::of(words.scene(), shape, primitive);
-            (exact || self.boxes_count) && !shaft.excludes(&body)
+            let (body, counts) = Body::of(words.scene(), shape, primitive);
+            self.divisions < counts && !shaft.excludes(&body)
         })
     }
 

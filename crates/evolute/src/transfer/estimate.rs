@@ -257,8 +257,8 @@ impl Quadrature<'_, '_> {
         } else if let Term::Direct(field, _) = &self.terms[term] {
             // All five rays are free; a proof is asked for what stands between them.
             let (a, b) = place.at(0.0, 0.0).coordinates();
-            let boxes_count = place.cell.level < self.first[term] + 2;
-            if field.may_hide(a, b, place.size(), boxes_count) {
+            let divisions = place.cell.level - self.first[term];
+            if field.may_hide(a, b, place.size(), divisions) {
                 error = error.max(whole * HIDDEN_SHARE);
             }
         }
@@ -304,8 +304,8 @@ impl Quadrature<'_, '_> {
     fn may_hide_through(&mut self, place: &Place) -> bool {
         let Term::Through(word, lamp) = self.terms[place.term] else { return false };
         let [p, q, r, s] = place.corners();
-        let boxes_count = place.cell.level < self.first[place.term] + 2;
-        may_hide(&mut self.words, word, &self.lamps[lamp], [p, q, s, r], boxes_count)
+        let divisions = place.cell.level - self.first[place.term];
+        may_hide(&mut self.words, word, &self.lamps[lamp], [p, q, s, r], divisions)
     }
 
     /// Whether nothing is known to stand in the way at a grid point.

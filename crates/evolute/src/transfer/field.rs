@@ -88,7 +88,7 @@ impl<'s> DirectField<'s> {
     /// Whether some suspect may hide a part of the cell [a, a+h] × [b, b+h] that samples did not
     /// see. Bodies known only by their boxes count on the first divisions alone, since a box that
     /// reaches in may do so for ever.
-    pub fn may_hide(&self, a: f64, b: f64, h: f64, boxes_count: bool) -> bool {
+    pub fn may_hide(&self, a: f64, b: f64, h: f64, divisions: u32) -> bool {
         let Some(suspects) = &self.suspects else { return false };
         let corners: ArrayVec<Point3, 4> = [(a, b), (a + h, b), (a + h, b + h), (a, b + h)]
             .into_iter()
@@ -99,8 +99,8 @@ impl<'s> DirectField<'s> {
         }
         let shaft = Shaft::new(&self.receiver.position, &corners);
         suspects.iter().any(|&(shape, primitive)| {
-            let (body, exact) = Body::of(self.tracer.scene(), shape, primitive);
-            (exact || boxes_count) && !shaft.excludes(&body)
+            let (body, counts) = Body::of(self.tracer.scene(), shape, primitive);
+            divisions < counts && !shaft.excludes(&body)
         })
     }
 

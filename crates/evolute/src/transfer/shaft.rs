@@ -18,6 +18,13 @@ pub struct Shaft {
     slack: f64,
 }
 
+/// Divisions for a body that is the primitive itself.
+const ITSELF: u32 = u32::MAX;
+/// Divisions for a square about a disk, a beam about a rod.
+const CLOSE: u32 = 5;
+/// Divisions for a box along the axes.
+const BOX: u32 = 2;
+
 /// Something convex that may stand in a shaft.
 pub enum Body {
     /// The hull of points: a flat polygon (with its normal) or a box.
@@ -27,15 +34,26 @@ pub enum Body {
 }
 
 impl Body {
-    /// The body of a primitive, and whether it is the primitive itself, not just a box around it.
-    pub fn of(scene: &Scene, shape: ShapeId, primitive: u32) -> (Self, bool) {
+    /// The body of a primitive, and down to how many divisions of a first grid it is to be held against
+    /// cells. One that is larger than the primitive may reach into a cell for ever.
+    pub fn of(scene: &Scene, shape: ShapeId, primitive: u32) -> (Self, u32) {
         let hull = |points: &[Point3]| Self::Hull(points.iter().map(|p| p.coords).collect());
         match &scene.shape(shape).surface {
-            Surface::Mesh(m) => (hull(&m.hull(primitive)), !m.is_smooth()),
-            Surface::Rectangle(r) => (hull(&r.corners()), true),
-            Surface::Sphere(s) => (Self::Ball(s.centre().coords, s.radius()), true),
-            Surface::Parametric(p) => (hull(&p.leaf_bounds(primitive as usize).corners()), false),
-            other => (hull(&other.bounds().corners()), false),
+            Surface::Mesh(m) => {
+                (hull(&m.hull(primitive)), if m.is_smooth() { BOX } else { ITSELF })
+            }
+            Surface::Rectangle(r) => (hull(&r.corners()), ITSELF),
+            Surface::Sphere(s) => (Self::Ball(s.centre().coords, s.radius()), ITSELF),
+            Surface::Disk(d) => {
+                let (c, [p, q]) = (d.centre(), d.radii());
+                (hull(&[c - p - q, c + p - q, c + p + q, c - p + q]), CLOSE)
+            }
+            Surface::Cylinder(c) => {
+                let [p, q] = c.across().map(|e| e * c.radius());
+                let corners = c.ends().map(|o| [o - p - q, o + p - q, o - p + q, o + p + q]);
+                (hull(corners.as_flattened()), CLOSE)
+            }
+            Surface::Parametric(p) => (hull(&p.leaf_bounds(primitive as usize).corners()), BOX),
         }
     }
 }
@@ -92,11 +110,12 @@ impl Shaft {
         match body {
             Body::Hull(points) => {
                 let own_edges: ArrayVec<Vector3, 3> = match points.len() {
-                    // Triangle and parallelogram; a box has the axes' directions.
+                    // Triangle and parallelogram; a box, whose corners count up along its edges.
                     3 => [points[1] - points[0], points[2] - points[1], points[0] - points[2]]
                         .into_iter()
                         .collect(),
                     4 => [points[1] - points[0], points[2] - points[1]].into_iter().collect(),
+                    8 => [1, 2, 4].map(|k| points[k] - points[0]).into_iter().collect(),
                     _ => [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().collect(),
                 };
                 let separates = |axis: &Vector3| {
