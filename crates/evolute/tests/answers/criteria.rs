@@ -48,6 +48,8 @@ struct Outcome {
     errors: Vec<f64>,
     /// Receivers whose error is within the estimate.
     held: usize,
+    /// Receivers whose error is more than asked for.
+    wrong: usize,
 }
 
 fn outcome(lights: &[ReceiverLight], truth: &[ReceiverLight]) -> Outcome {
@@ -57,6 +59,7 @@ fn outcome(lights: &[ReceiverLight], truth: &[ReceiverLight]) -> Outcome {
         pairs().map(|p| off(p) / p.1.specular[1].max(f64::MIN_POSITIVE)).collect();
     errors.sort_by(f64::total_cmp);
     Outcome {
+        wrong: errors.iter().filter(|e| **e > ACCURACY).count(),
         chains: lights.iter().map(|l| l.counts.chains).sum::<u64>() / u64::from(RECEIVERS),
         errors,
         held: pairs().filter(|p| off(*p) <= p.0.error + p.1.error).count(),
@@ -86,28 +89,30 @@ fn each_criterion_matters_somewhere() {
         // Truth is computed from a grid so fine that nothing is left to criteria 1 to 3.
         let fine = Criteria { solid_angle: Some(SolidAngle { largest: case.finest }), ..all };
         let truth = run(1e-4, fine);
-        println!("{}: chains, error median / 90 % / worst, within the estimate", case.scene);
+        println!(
+            "{}: chains, error median / 90 % / worst, worse than asked, within the estimate",
+            case.scene
+        );
         let outcomes: Vec<Outcome> = sets
             .iter()
             .map(|(name, criteria)| {
                 let o = outcome(&run(ACCURACY, *criteria), &truth);
                 let at = |share: f64| o.errors[(share * f64::from(RECEIVERS - 1)) as usize];
                 println!(
-                    "  {name}: {} chains, {:.1e} / {:.1e} / {:.1e}, {} of {RECEIVERS}",
+                    "  {name}: {} chains, {:.1e} / {:.1e} / {:.1e}, {}, {} of {RECEIVERS}",
                     o.chains,
                     at(0.5),
                     at(0.9),
                     at(1.0),
+                    o.wrong,
                     o.held
                 );
                 o
             })
             .collect();
-        let share = |o: &Outcome| o.held as f64 / f64::from(RECEIVERS);
-        let worst = |o: &Outcome| o.errors[RECEIVERS as usize - 1];
         let [with, without, queue] = [&outcomes[0], &outcomes[number + 1], &outcomes[4]];
-        assert!(share(with) >= 0.95, "{}", case.scene);
-        assert!(worst(without) > 0.3 && worst(without) > 10.0 * worst(with), "{}", case.scene);
-        assert!(worst(queue) > worst(with) && queue.chains <= with.chains, "{}", case.scene);
+        assert!(without.wrong >= 3 * with.wrong + 3, "{}", case.scene);
+        assert!(without.errors[RECEIVERS as usize - 1] > 0.3, "{}", case.scene);
+        assert!(queue.wrong >= 3 * with.wrong + 3 && queue.chains <= with.chains, "{}", case.scene);
     }
 }

@@ -56,28 +56,14 @@ fn mirror_ring() {
     }
 }
 
-/// Bodies and receivers (rows of `points.csv`) of the furnace that are not right yet: the wave seen
-/// along its crests, the tube from below, and a cube of glass, whose words go by triangle.
-const NOT_YET: [(&str, usize); 7] = [
-    ("wavy_mirror", 0),
-    ("tube", 1),
-    ("glass_slab", 0),
-    ("glass_slab", 1),
-    ("glass_slab", 2),
-    ("glass_slab", 3),
-    ("glass_slab", 4),
-];
-
-/// Greatest |E/(πL) − 1| of the furnace at the receivers asked for.
-fn furnace(bodies: &[&str], wanted: impl Fn(&str, usize) -> bool) -> f64 {
+/// Greatest |E/(πL) − 1| of the furnace, in all and in units of the estimate.
+fn furnace(bodies: &[&str], accuracy: f64) -> (f64, f64) {
     let rows = cases::table("furnace", "points.csv");
-    let mut worst = 0f64;
+    let (mut worst, mut of_estimate) = (0f64, 0f64);
     for body in bodies {
-        let rows: Vec<Vec<f64>> =
-            (0..rows.len()).filter(|&k| wanted(body, k)).map(|k| rows[k].clone()).collect();
         let file = cases::path("furnace", &format!("{body}.xml"));
         let scene = load_file(file, &[]).unwrap().scene;
-        for (row, light) in rows.iter().zip(probe(&scene, &rows, 1e-3, BOTH)) {
+        for (row, light) in rows.iter().zip(probe(&scene, &rows, accuracy, BOTH)) {
             let specular = light.specular[1] / PI;
             let off = light.direct[1] / PI + specular - 1.0;
             println!(
@@ -88,22 +74,25 @@ fn furnace(bodies: &[&str], wanted: impl Fn(&str, usize) -> bool) -> f64 {
                 light.met
             );
             worst = worst.max(off.abs());
+            of_estimate = of_estimate.max(off.abs() * PI / light.error);
         }
     }
-    worst
+    (worst, of_estimate)
 }
 
 #[test]
 fn white_furnace() {
     let bodies = ["mirror_sphere", "glass_sphere", "wavy_mirror", "tube"];
-    assert!(furnace(&bodies, |body, k| !NOT_YET.contains(&(body, k))) < 1e-3);
+    let (worst, of_estimate) = furnace(&bodies, 1e-3);
+    assert!(worst < 1e-3 && of_estimate <= 1.0, "{worst} {of_estimate}");
 }
 
+/// A cube of glass, whose words go by face and multiply: the accuracy is not reached, and the estimate
+/// says so.
 #[test]
-#[ignore = "off by up to 3 %, reported as not met"]
-fn white_furnace_not_yet() {
-    let bodies = ["wavy_mirror", "tube", "glass_slab"];
-    assert!(furnace(&bodies, |body, k| NOT_YET.contains(&(body, k))) < 1e-3);
+fn white_furnace_with_a_slab() {
+    let (worst, of_estimate) = furnace(&["glass_slab"], 1e-2);
+    assert!(worst < 2e-2 && of_estimate <= 1.0, "{worst} {of_estimate}");
 }
 
 /// Inside the ball, so near its centre that nothing is totally reflected: E = π L n².
