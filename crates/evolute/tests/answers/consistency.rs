@@ -116,14 +116,15 @@ fn mean_chains(lights: &[ReceiverLight]) -> f64 {
 }
 
 /// Holds a scene's light at points of the floor against `reference`, which is asked twice, the second
-/// time twice as finely, and answers by word.
+/// time twice as finely, and answers by word. How often more than 5 % of the receivers are off by more than
+/// the estimate, or one by more than three times the tolerance.
 fn compare<const W: usize>(
     name: &str,
     scene: &Scene,
     points: &[[f64; 3]],
     fineness: Fineness,
     reference: impl Fn(&[f64; 3], Fineness) -> [f64; W] + Sync,
-) {
+) -> usize {
     let finer = Fineness { looks: 2 * fineness.looks, change: 0.25 * fineness.change };
     let known: Vec<([f64; W], f64, f64)> = points
         .par_iter()
@@ -186,10 +187,10 @@ fn compare<const W: usize>(
         );
         failures += usize::from(held * 100 < points.len() * 95 || against_tolerance > 3.0);
     }
-    assert_eq!(failures, 0, "{name}");
+    failures
 }
 
-fn compare_ball(name: &str, parameters: &[(&str, &str)]) {
+fn compare_ball(name: &str, parameters: &[(&str, &str)]) -> usize {
     let scene = cases::load("glass_ball", parameters);
     let shape = scene.shapes.iter().find(|s| s.id == "ball").unwrap();
     let Surface::Sphere(s) = &shape.surface else { panic!("the ball is a sphere") };
@@ -202,29 +203,37 @@ fn compare_ball(name: &str, parameters: &[(&str, &str)]) {
     compare(name, &scene, &ball_points(&scene), fineness, |p, fineness| {
         through_ball(&ball, &lamp, &Point3::from(*p), &Vector3::y(), fineness)
             .map(|word| word * radiance)
-    });
+    })
 }
 
 #[test]
 fn ball_against_quadrature() {
-    compare_ball("ball", &[]);
-    compare_ball("ball, n = 1.3", &[("n", "1.3")]);
-    compare_ball("ball, lamp moved", &with_lamp(BALL_LAMP, &[]));
-    compare_ball("ball, lamp moved, n = 1.3", &with_lamp(BALL_LAMP, &[("n", "1.3")]));
+    let failures: usize = [
+        ("ball", Vec::new()),
+        ("ball, n = 1.3", vec![("n", "1.3")]),
+        ("ball, lamp moved", with_lamp(BALL_LAMP, &[])),
+        ("ball, lamp moved, n = 1.3", with_lamp(BALL_LAMP, &[("n", "1.3")])),
+    ]
+    .iter()
+    .map(|(name, parameters)| compare_ball(name, parameters))
+    .sum();
+    assert_eq!(failures, 0);
 }
 
 #[test]
 fn ring_against_quadrature() {
+    let mut failures = 0;
     for (name, parameters) in
         [("ring", Vec::new()), ("ring, lamp moved", with_lamp(RING_LAMP, &[]))]
     {
         let scene = cases::load("mirror_ring", &parameters);
         let (ring, (lamp, radiance)) = (ring_of(&scene), lamp(&scene));
         let fineness = Fineness { looks: 2048, change: 1e-7 };
-        compare(name, &scene, &ring_points(&scene), fineness, |p, fineness| {
+        failures += compare(name, &scene, &ring_points(&scene), fineness, |p, fineness| {
             [radiance * by_ring(&ring, &lamp, p[0], p[2], fineness)]
         });
     }
+    assert_eq!(failures, 0);
 }
 
 /// The quadrature itself against the six figures of `cases/mirror_ring`.

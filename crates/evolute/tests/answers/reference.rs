@@ -246,8 +246,10 @@ pub fn by_ring(ring: &Ring, lamp: &Lamp, x: f64, z: f64, fineness: Fineness) -> 
     let edges = lamp.edges(&p);
     let facing = lamp.normal();
     let (r, h) = (ring.radius, ring.height);
-    let level = (facing.y + 1.0).abs() < 1e-9;
-    assert!(level && lamp.corners[0].y > h, "the lamp is above the ring and faces down");
+    // The ring's point that is least before the lamp's plane.
+    let least = facing.y.min(0.0) * h - r * facing.x.hypot(facing.z);
+    assert!(least > facing.dot(&lamp.corners[0].coords), "the ring is before the lamp");
+    assert!(lamp.corners.iter().all(|c| c.y > h), "the lamp is above the ring");
     let outside = x.hypot(z) > r;
     // Evenly around, and again as evenly seen from the receiver: the wall may be near.
     let (own, near) = (z.atan2(x), (x.hypot(z) - r).abs() / (x.hypot(z) + r));
