@@ -297,7 +297,7 @@ impl Quadrature<'_, '_> {
             Surface::Mesh(m) => m.triangles().len() <= SOLID_TRIANGLES,
             _ => true,
         };
-        blockers.iter().all(|b| b == one) && !(first_cells && !solid(*one))
+        (!first_cells || solid(*one)) && blockers.iter().all(|b| b == one)
     }
 
     /// Whether something reaches into the beam of a cell of a word between the rays that were asked.

@@ -210,19 +210,19 @@ impl Interpolant {
     /// outermost ones of a coarse grid along both diagonals.
     pub fn lit_points(&self) -> ArrayVec<(f64, f64), 5> {
         let mut points = ArrayVec::new();
-        let lit: ArrayVec<((f64, f64), f64), 81> =
-            raster().map(|at| (at, self.least(at))).filter(|(_, least)| *least > 0.0).collect();
-        let mut push = |value: &dyn Fn(&((f64, f64), f64)) -> f64| {
+        let lit: ArrayVec<[f64; 3], 81> = raster()
+            .map(|(a, b)| [a, b, self.least((a, b))])
+            .filter(|[_, _, least]| *least > 0.0)
+            .collect();
+        let ways = [[0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]];
+        for way in ways.into_iter().chain([[-1.0, -1.0, 0.0]]) {
+            let value = |p: &[f64; 3]| (0..3).map(|k| way[k] * p[k]).sum::<f64>();
             let best = lit.iter().max_by(|p, q| value(p).total_cmp(&value(q)));
-            if let Some((at, _)) = best
-                && !points.contains(at)
+            if let Some([a, b, _]) = best
+                && !points.contains(&(*a, *b))
             {
-                points.push(*at);
+                points.push((*a, *b));
             }
-        };
-        push(&|(_, least)| *least);
-        for (da, db) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
-            push(&|((a, b), _)| da * a + db * b);
         }
         points
     }

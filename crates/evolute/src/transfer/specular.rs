@@ -109,10 +109,11 @@ impl<'s> Transfer<'s> {
         for word in &left.words {
             shares[word.word.0 as usize].error += word.error;
         }
+        let most = self.most();
         let light = ReceiverLight {
-            direct: direct + closed,
-            specular,
-            error: error + left.error(),
+            direct: possible(direct + closed, most),
+            specular: possible(specular, most),
+            error: (error + left.error()).min(most),
             met: met && !brake.was_pulled(),
             stopped: brake.was_pulled(),
             counts: quadrature.counts(),
@@ -290,6 +291,14 @@ impl<'s> Transfer<'s> {
             look(&mut quadrature.words, word).passed * self.brightest() * SAMPLED_BOUND_MARGIN
         });
     }
+}
+
+/// The colour nearest to one that lamps can make: no channel is negative, and the luminance at most
+/// `most` [W/m²]. Interpolation that has not settled yet may overshoot.
+fn possible(irradiance: Rgb, most: f64) -> Rgb {
+    let positive = irradiance.map(|v| v.max(0.0));
+    let luminance = positive.luminance();
+    if luminance > most { positive * (most / luminance) } else { positive }
 }
 
 /// A word that was left out and what it is reckoned to be worth.
