@@ -191,6 +191,11 @@ impl<'s> Transfer<'s> {
                 }
                 let look = look(&mut quadrature.words, word);
                 if look.passed == 0.0 {
+                    // A first surface of which the grid shows nothing may come close to the receiver
+                    // between its points: the criteria say where to look.
+                    if quadrature.words.parent(word).is_none() {
+                        next.extend(self.add_word(quadrature, word, 1.0, left, &tolerance));
+                    }
                     continue;
                 }
                 let bound = look.passed * brightest * SAMPLED_BOUND_MARGIN;
@@ -235,7 +240,7 @@ impl<'s> Transfer<'s> {
         let coarse = throughput < COARSE_THROUGHPUT || look.island;
         let first = if coarse { COARSE_LEVEL } else { FIRST_LEVEL };
         quadrature.words.set_first_level(word, first);
-        if look.reaches {
+        if look.reaches || quadrature.words.parent(word).is_none() {
             let allowed = tolerance(quadrature);
             for lamp in 0..self.lamps.len() {
                 if quadrature.brake.asked() {
@@ -380,12 +385,7 @@ fn look(words: &mut Words<'_>, word: WordId) -> Look {
     let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
     let (mut asked, mut legal) = (0.0, 0.0);
     let parent = words.parent(word);
-    let mut level = COARSE_LEVEL;
-    // A first surface of which a coarse grid sees nothing may still show a little.
-    if parent.is_none() && !grid(level).any(|at| words.is_legal(word, at)) {
-        level = FIRST_LEVEL;
-    }
-    for at in grid(level) {
+    for at in grid(COARSE_LEVEL) {
         asked += 1.0;
         // Where the word before is not, this one is not either.
         if parent.is_none_or(|parent| words.is_legal(parent, at)) && look.ask(words, word, at) {
