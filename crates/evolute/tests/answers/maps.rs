@@ -258,13 +258,13 @@ fn mirror_ring_small() {
 }
 
 #[test]
-#[ignore = "all cells take minutes"]
+#[ignore = "all cells take minutes; holds when run by hand, see the case's page"]
 fn glass_ball_all_cells() {
     compare("glass_ball", 1, |_| false);
 }
 
 #[test]
-#[ignore = "all cells take minutes"]
+#[ignore = "13 minutes; fails at present, its sum 3.5 standard errors off: see the case's page"]
 fn mirror_ring_small_all_cells() {
     compare("mirror_ring_small", 1, straddled);
 }
