@@ -119,6 +119,11 @@ pub struct Departure {
 }
 
 impl Departure {
+    /// Whether all legs are free and the chain is inside all borders.
+    pub fn is_legal(&self) -> bool {
+        self.visible == Visibility::Free && self.edges.iter().all(|e| e.v >= 0.0)
+    }
+
     /// The throughput, largest channel, that is left of a chain which loses nothing more: leaving the
     /// medium is reckoned in.
     pub fn lossless_throughput(&self) -> f64 {

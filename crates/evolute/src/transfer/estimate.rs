@@ -23,6 +23,9 @@ use crate::surface::Surface;
 /// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
 /// rays to the corners and the centre meets it.
 const HIDDEN_SHARE: f64 = 0.5;
+/// Divisions of the first grid down to which a cell is not called dark where some of its chains exist
+/// and are hidden, and others do not exist.
+const GUESSED_LEVELS: u32 = 3;
 /// A mesh of more triangles may be a blind or a comb; a cube has twelve.
 const SOLID_TRIANGLES: usize = 12;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
@@ -168,9 +171,13 @@ impl Quadrature<'_, '_> {
             .any(|s| s.sight == Sight::Off && s.is_inside());
         let blockers: ArrayVec<ShapeId, 5> =
             corners.iter().chain([&centre]).flatten().filter_map(|s| s.blocker).collect();
+        // Torn: the chain exists at some of the samples, and not at others.
+        let torn = corners.iter().chain([&centre]).any(|s| s.is_none())
+            && corners.iter().chain([&centre]).flatten().any(|s| s.legal);
         let interpolant = Interpolant::new(&corners, centre, edges, h, light)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
-            if !matters || self.hide_all(&blockers, level < first + 2) {
+            let doubtful = torn && level < first + GUESSED_LEVELS;
+            if !matters || (!doubtful && self.hide_all(&blockers, level < first + 2)) {
                 return Err(Darkness::NoLight);
             }
             // Light may come through between one body and the next.
@@ -224,6 +231,11 @@ impl Quadrature<'_, '_> {
             // None of the five rays is lit; ask where the polynomials say that most light is.
             let (a, b) = interpolant.brightest_point();
             if !self.sees(term, place.at(a, b)) {
+                if hidden && self.is_lit_somewhere(place, &interpolant) {
+                    // Between what is hidden and the outline there is light.
+                    let half = interpolant.light.irradiance(integral.map(|v| 0.5 * v));
+                    return Ok(Estimate { integral: half, error: whole, divide: false });
+                }
                 // Where a sample on the outline is hidden, too, the lit part is sampled as densely as a
                 // cell of which all five rays are hidden.
                 if hidden {
@@ -287,6 +299,14 @@ impl Quadrature<'_, '_> {
         let points = interpolant.lit_points();
         let hidden = points.iter().filter(|(a, b)| !self.sees(place.term, place.at(*a, *b)));
         hidden.count() as f64 / points.len().max(1) as f64
+    }
+
+    /// Whether one of a few points of the lit part is seen to be lit.
+    fn is_lit_somewhere(&mut self, place: &Place, interpolant: &Interpolant) -> bool {
+        interpolant.lit_points().iter().any(|(a, b)| {
+            let asked = self.sample(place.term, place.at(*a, *b));
+            self.samples[asked].as_ref().is_some_and(|s| s.sight == Sight::On)
+        })
     }
 
     /// Whether bodies hide a whole cell if each of its five rays meets one: the same one, and at first

@@ -23,6 +23,9 @@ pub struct Meeting {
     pub apertures: ArrayVec<Dual, 3>,
 }
 
+/// A few roundings of a coordinate, as its share.
+const CONTACT: f64 = 1e-14;
+
 /// Whether a mesh is so coarse and flat that each triangle is a mirror of its own.
 pub fn is_faceted(mesh: &Mesh) -> bool {
     // A cube has 12; beyond a few dozen, words by triangle outnumber the cells of one domain.
@@ -88,18 +91,19 @@ pub fn facet_of(mesh: &Mesh, triangle: u32) -> Facet {
 
 /// Where the family meets `surface` coming from its front or back.
 ///
-/// `real` is the tracer's nearest hit if it is on this surface (and primitive) and side; `same` says
-/// that the rays leave this very surface at `from`; `hint` is a point that a neighbouring ray of the
-/// family hit. `None` where the extension has no such point.
+/// `real` is the tracer's nearest hit if it is on this surface (and primitive) and side; `leaving` is the
+/// central ray's origin if the rays leave this very surface; `hint` is a point that a neighbouring ray of
+/// the family hit. `None` where the extension has no such point.
 pub fn meet(
     surface: &Surface,
     primitive: Option<u32>,
     front: bool,
     ray: &DualRay,
     real: Option<&Hit>,
-    same: bool,
+    leaving: Option<&SurfacePoint>,
     hint: &SurfacePoint,
 ) -> Option<Meeting> {
+    let same = leaving.is_some();
     let origin = Point3::from(ray.o.v);
     let central = Ray::new(origin, ray.d.v);
     if let Some(hit) = real {
@@ -134,7 +138,8 @@ pub fn meet(
             (t, c.projected(&central.at(t))?)
         }
         Surface::Parametric(p) => {
-            let (t, s, q) = p.extended_hit(&central, (hint.p, hint.q))?;
+            let known = leaving.map(|from| (from.p, from.q));
+            let (t, s, q) = p.extended_hit(&central, (hint.p, hint.q), known)?;
             (t, SurfacePoint { primitive: 0, p: s, q, x: p.position(s, q) })
         }
         Surface::Mesh(m) => {
@@ -146,9 +151,13 @@ pub fn meet(
             (t, facet.point(m, central.at(t)))
         }
     };
-    if !(t > 0.0 && t.is_finite()) {
+    // Where two surfaces touch, the leg between them has no length, but for rounding. A surface touches
+    // itself wherever a ray leaves it.
+    let least = if same { f64::MIN_POSITIVE } else { -CONTACT * origin.coords.amax() };
+    if !(t >= least && t.is_finite()) {
         return None;
     }
+    let t = t.max(0.0);
     let local = surface.local(&point)?;
     let x = ray.met(t, &point.x, &local.ng)?;
     let n = DualVector::new(local.n.into_inner(), local.dn_dx * x.a, local.dn_dx * x.b);

@@ -40,6 +40,8 @@ pub struct FieldSample {
     pub borders: usize,
     /// Irradiance per unit of (a, b) and of radiance, a channel each (only the first, if grey).
     pub weight: [Dual; 3],
+    /// Whether the chain is real: free as far as the last leg, and inside its borders.
+    pub legal: bool,
     /// Whether something stands in the way.
     pub sight: Sight,
     /// What does, if it is known.
@@ -134,6 +136,7 @@ impl<'s> DirectField<'s> {
             borders: edges.len(),
             edges,
             weight: [weight; 3],
+            legal: true,
             sight,
             blocker: None,
             normal: first.n.v,
@@ -172,6 +175,7 @@ pub fn sample_through(
         edges,
         borders: departure.edges.len(),
         weight: departure.throughput.map(|t| w * t),
+        legal: departure.is_legal(),
         sight,
         blocker,
         normal: departure.first_normal,

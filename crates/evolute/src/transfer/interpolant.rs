@@ -21,6 +21,9 @@ const UNSEEN_MARGIN: f64 = 0.5;
 const GRADIENT_SHARE: f64 = 0.25;
 /// Share of the centre's residual that is left after the bump at the centre took it up.
 const LEFT_AFTER_BUMP: f64 = 0.5;
+/// Share of a weight that samples of a torn cell may disagree about and still give its slope: at the
+/// border where a surface begins to reflect all light, the transmittance falls to zero like a root.
+const STEEP_SHARE: f64 = 0.25;
 /// A cell whose edges, shifted, sweep less than this share of the tolerance needs no closer look: a
 /// few dozen such cells are still well within it.
 const NEGLIGIBLE_SHIFT: f64 = 2e-3;
@@ -93,13 +96,19 @@ impl Interpolant {
         h: f64,
         light: Light,
     ) -> Result<Self, Darkness> {
+        let torn = corners.iter().chain([&centre]).any(|s| s.is_none());
         let left =
             |value: f64, slope: f64| LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
         let mut weights = Weights::new();
         let mut weight_residual = 0.0;
         for c in 0..light.channels {
             let mut patch = hermite(corners, h, |s| s.weight[c] * (h * h));
-            if let Some(s) = centre {
+            if torn {
+                let (plane, doubt) = torn_weight(corners, centre, h, |s| s.weight[c] * (h * h));
+                patch = plane;
+                let share = if light.channels == 1 { 1.0 } else { LUMINANCE[c] };
+                weight_residual += share * doubt;
+            } else if let Some(s) = centre {
                 let (value, slope) = residual(&patch, &(s.weight[c] * (h * h)), h);
                 patch.add_bump(value);
                 let share = if light.channels == 1 { 1.0 } else { LUMINANCE[c] };
@@ -115,6 +124,9 @@ impl Interpolant {
                 let (value, slope) = residual(&patch, &s.edges[k], h);
                 patch.add_bump(value);
                 shift = left(value, slope);
+            }
+            if torn {
+                shift += patch.plane().0;
             }
             // A function that is negative at all five samples may still be positive between them: the
             // more it bends, the less they say. Without this a round lamp inside a large cell is lost.
@@ -235,6 +247,46 @@ impl Interpolant {
         })
     }
 }
+
+/// The plane that stands for a weight in a torn cell, and how far it may be off: what the samples that
+/// exist (those of legal chains, if there are any) say of the centre, and how much they disagree.
+fn torn_weight(
+    corners: &Corners<'_>,
+    centre: Option<&FieldSample>,
+    h: f64,
+    pick: impl Fn(&FieldSample) -> Dual,
+) -> (Patch, f64) {
+    let known = || corners.iter().copied().chain([centre]).zip(OFF_CENTRE);
+    let legal = known().any(|(s, _)| s.is_some_and(|s| s.legal));
+    let mut said: ArrayVec<(f64, Dual), 5> = ArrayVec::new();
+    for (s, [da, db]) in known().filter_map(|(s, at)| Some((s?, at))) {
+        if s.legal == legal {
+            let w = pick(s);
+            said.push((w.v, Dual::new(w.v - h * (w.a * da + w.b * db), w.a * h, w.b * h)));
+        }
+    }
+    let share = 1.0 / said.len().max(1) as f64;
+    let range = |f: &dyn Fn(&(f64, Dual)) -> f64| {
+        let (low, high) = said
+            .iter()
+            .map(f)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        (high - low).max(0.0)
+    };
+    let level = said.iter().map(|s| s.0).sum::<f64>() * share;
+    let apart = range(&|s| s.1.v);
+    if said.len() > 1 && apart < STEEP_SHARE * level.abs() {
+        let mean = said.iter().fold(Dual::default(), |sum, s| sum + s.1 * share);
+        let corner = |da: f64, db: f64| Dual::new(mean.v + mean.a * da + mean.b * db, mean.a, mean.b);
+        let [p, q, r, s, _] = OFF_CENTRE.map(|[da, db]| corner(da, db));
+        return (Patch::hermite(&[p, q, r, s], 1.0, 1.0), apart);
+    }
+    (Patch([level; 16]), range(&|s| s.0) + STEEP_SHARE * level.abs())
+}
+
+/// The corners and the centre of a unit cell, from its centre.
+const OFF_CENTRE: [[f64; 2]; 5] =
+    [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.0, 0.0]];
 
 /// The points of a coarse grid over a cell.
 fn raster() -> impl Iterator<Item = (f64, f64)> {

@@ -76,6 +76,15 @@ impl Landings {
         self.0.range((target, from)..(target, to)).next().is_some()
     }
 
+    /// A point from which the target was met, of the two next to `at` along the curve the nearer.
+    pub fn near(&self, target: Target, at: GridPoint) -> Option<GridPoint> {
+        let code = along_curve(at);
+        let before = self.0.range((target, 0)..=(target, code)).next_back();
+        let after = self.0.range((target, code)..=(target, u64::MAX)).next();
+        let far = |p: &GridPoint| p.i.abs_diff(at.i).max(p.j.abs_diff(at.j));
+        [before, after].into_iter().flatten().map(|(_, code)| point(*code)).min_by_key(far)
+    }
+
     /// Up to `count` points, spread over the domain, from which the target was met.
     pub fn some(&self, target: Target, count: usize) -> Vec<GridPoint> {
         let stride = self.of(target).count().div_ceil(count.max(1)).max(1);

@@ -370,8 +370,7 @@ impl Look {
     fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) -> bool {
         let Some(departure) = words.departure(word, at) else { return false };
         self.reaches |= !matches!(departure.visible, Visibility::Blocked(_));
-        let legal =
-            departure.visible == Visibility::Free && departure.edges.iter().all(|e| e.v >= 0.0);
+        let legal = departure.is_legal();
         if legal {
             let weight = departure.weight.v.max(0.0);
             self.passed += weight * departure.lossless_throughput();

@@ -15,12 +15,15 @@ use super::settings::{Counts, Receiver};
 use crate::geometry::Ray;
 use crate::optics::{Dual, DualRay};
 use crate::scene::{Scene, ShapeId};
-use crate::surface::Surface;
+use crate::surface::{Surface, SurfacePoint};
 use crate::trace::{Anchor, Hit, Tracer};
 
 /// Domains are resolved to this many binary digits: cells of level 14 may still bisect their sides
 /// ten times.
 pub const GRID_BITS: u32 = 24;
+
+/// Two hits along a ray are in the same place when their distances differ by less than this share.
+const SAME_PLACE: f64 = 1e-9;
 
 /// A point of a domain on the finest dyadic grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -255,8 +258,7 @@ impl<'s> Words<'s> {
 
     /// Whether the word's chain exists at a grid point, is free, and inside all borders.
     pub fn is_legal(&mut self, word: WordId, at: GridPoint) -> bool {
-        self.departure(word, at)
-            .is_some_and(|d| d.visible == Visibility::Free && d.edges.iter().all(|e| e.v >= 0.0))
+        self.departure(word, at).is_some_and(Departure::is_legal)
     }
 
     /// All words.
@@ -483,9 +485,20 @@ impl<'s> Words<'s> {
         Some(arrival)
     }
 
+    /// A point of a letter that a chain traced near `at` met.
+    fn hint(&self, parent: WordId, step: &Step, at: GridPoint) -> SurfacePoint {
+        let parent = &self.words[parent.0 as usize];
+        let target = Target { shape: step.shape, primitive: step.primitive, front: step.front, lamp: false };
+        let near = parent.landings.near(target, at);
+        let met = near.and_then(|near| parent.departures.get(&near.key())?.as_ref()?.next);
+        met.map_or(step.hint, |hit| hit.anchor.point)
+    }
+
     fn next_arrival(&mut self, parent: WordId, step: &Step, at: GridPoint) -> Option<Arrival> {
         let scene = self.scene;
         let surface = &scene.shape(step.shape).surface;
+        self.departure(parent, at)?;
+        let hint = self.hint(parent, step, at);
         let before = self.departure(parent, at)?;
         let real = before.next.as_ref().filter(|h| {
             h.anchor.shape == step.shape
@@ -494,14 +507,18 @@ impl<'s> Words<'s> {
                     .local(&h.anchor.point)
                     .is_some_and(|l| (before.ray.d.v.dot(&l.ng) < 0.0) == step.front)
         });
-        let same = before.anchor.shape == step.shape;
+        let leaving = (before.anchor.shape == step.shape).then_some(&before.anchor.point);
         let meeting =
-            meet(surface, step.primitive, step.front, &before.ray, real, same, &step.hint)?;
+            meet(surface, step.primitive, step.front, &before.ray, real, leaving, &hint)?;
         let inside = meeting.apertures.iter().all(|e| e.v > 0.0);
+        // What is met later does not stand in the way: on a line of contact the tracer may miss the
+        // surface. What is met in the same place is its other side, or another piece of it.
+        let along = (meeting.x.v - before.ray.o.v).dot(&before.ray.d.v);
+        let blocker = before.next.as_ref().filter(|h| h.t < along * (1.0 - SAME_PLACE));
         let visible = match before.visible {
             Visibility::Free if real.is_some() => Visibility::Free,
-            Visibility::Free if inside => {
-                Visibility::Blocked(before.next.as_ref().map(|h| h.anchor.shape))
+            Visibility::Free if inside && blocker.is_some() => {
+                Visibility::Blocked(blocker.map(|h| h.anchor.shape))
             }
             Visibility::Free => Visibility::Beyond,
             other => other,

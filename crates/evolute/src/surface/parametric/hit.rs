@@ -176,7 +176,15 @@ impl Parametric {
     /// Where the ray's line meets the surface continued beyond [0, 1]², by Newton's iteration from
     /// `guess` = (s, t): `(τ, s, t)`, τ of either sign. `None` if the iteration does not get to a
     /// residual below 10⁻¹² of the surface's size, or leaves the formulas' domain.
-    pub fn extended_hit(&self, ray: &Ray, guess: (f64, f64)) -> Option<(f64, f64, f64)> {
+    ///
+    /// A root at `known` = (s, t), where the ray leaves the surface, is not the one asked for: there the
+    /// system is deflated (Farrell, Birkisson & Funke 2015), which turns Newton's step around.
+    pub fn extended_hit(
+        &self,
+        ray: &Ray,
+        guess: (f64, f64),
+        known: Option<(f64, f64)>,
+    ) -> Option<(f64, f64, f64)> {
         let w = &ray.direction;
         let inverse_square = 1.0 / w.norm_squared();
         let (mut s, mut t) = guess;
@@ -198,6 +206,8 @@ impl Parametric {
                 best = Some((residual, along, s, t));
             }
             let ([ds, dt], _) = newton_step(&r, &xs, &xt, w)?;
+            let turn = known.map_or(1.0, |known| deflation((s - known.0, t - known.1), (ds, dt)));
+            let (ds, dt) = (turn * ds, turn * dt);
             // A longer step than a quarter of the domain leaves the ground on which it was made.
             let scale = (0.25 / ds.abs().max(dt.abs())).min(1.0);
             (s, t) = (s + scale * ds, t + scale * dt);
@@ -226,6 +236,17 @@ impl Parametric {
         );
         nearest.get().1
     }
+}
+
+/// What Newton's step `step` is to be multiplied by, `off` away from a root that is known, to be a step
+/// for the system times 1 + 1/|off|².
+fn deflation(off: (f64, f64), step: (f64, f64)) -> f64 {
+    let square = off.0 * off.0 + off.1 * off.1;
+    let towards = -2.0 * (off.0 * step.0 + off.1 * step.1);
+    // Of the logarithm of the factor, along the step.
+    let slope = towards / (square * (1.0 + square));
+    let turn = 1.0 / (1.0 - slope);
+    if turn.is_finite() { turn } else { 1.0 }
 }
 
 /// Whether a ray meets a box between two parameters (slabs, widened by a few roundings).
