@@ -208,7 +208,7 @@ impl Quadrature<'_, '_> {
                     place.size(),
                     place.size(),
                 );
-                is_dark(&patch, 1)
+                is_dark(&patch)
             }
         })
     }

@@ -76,7 +76,12 @@ impl Interpolant {
         let mut edges = Edges::new();
         for k in 0..count {
             let patch = hermite(corners, h, |s| s.edges[k]);
-            if is_dark(&patch, 1 + missing) {
+            let negative = if missing == 0 {
+                is_dark(&patch)
+            } else {
+                corners.iter().flatten().all(|s| stays_negative(&s.edges[k], h))
+            };
+            if negative {
                 return Err(darkness(corners, k));
             }
             edges.push(patch);
@@ -300,10 +305,16 @@ fn darkness(corners: &Corners<'_>, k: usize) -> Darkness {
     if k < borders { Darkness::NoChain } else { Darkness::NoLight }
 }
 
+/// Whether an edge function that is known at one corner of a cell of side `h`, or at its centre, stays
+/// negative in it though its slope may double on the way: where chains cease to exist it often does.
+fn stays_negative(edge: &Dual, h: f64) -> bool {
+    edge.v + 2.0 * h * (edge.a.abs() + edge.b.abs()) < 0.0
+}
+
 /// Whether an edge function is negative all over a cell, with a margin for how much it bends, times
 /// `caution`.
-pub fn is_dark(edge: &Patch, caution: usize) -> bool {
-    edge.bounds().1 < -DARK_MARGIN * caution as f64 * edge.plane().0
+pub fn is_dark(edge: &Patch) -> bool {
+    edge.bounds().1 < -DARK_MARGIN * edge.plane().0
 }
 
 /// An upper estimate of the area that a constraint's zero sweeps when it is shifted, as a part of the

@@ -163,7 +163,7 @@ impl<'s> Words<'s> {
             let primitive = matches!(target.surface, Surface::Mesh(_)).then(|| domain.primitive());
             for front in sides {
                 for event in events(&target.material, front) {
-                    let hint = crate::surface::SurfacePoint {
+                    let hint = SurfacePoint {
                         primitive: domain.primitive(),
                         p: 0.5,
                         q: 0.5,
