@@ -26,6 +26,9 @@ const HIDDEN_SHARE: f64 = 0.5;
 /// Divisions of the first grid down to which a cell is not called dark where some of its chains exist
 /// and are hidden, and others do not exist.
 const GUESSED_LEVELS: u32 = 3;
+/// Share of a torn cell's worth, lit all over, that its error is not taken to be below: the edge
+/// functions are extrapolated there.
+const TORN_SHARE: f64 = 0.1;
 /// A mesh of more triangles may be a blind or a comb; a cube has twelve.
 const SOLID_TRIANGLES: usize = 12;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
@@ -185,7 +188,7 @@ impl Quadrature<'_, '_> {
             let whole = interpolant.light.luminance(integral).abs().max(error);
             return Ok(Estimate { error: HIDDEN_SHARE * whole, ..Estimate::DARK });
         }
-        self.with_sights(place, interpolant, (sights, middle, hidden), tolerance)
+        self.with_sights(place, interpolant, (sights, middle, hidden, torn), tolerance)
     }
 
     /// Whether the cell lies outside the borders of the word before the last letter: then no chain of
@@ -219,10 +222,11 @@ impl Quadrature<'_, '_> {
         &mut self,
         place: &Place,
         mut interpolant: Interpolant,
-        (sights, middle, hidden): ([Sight; 4], Sight, bool),
+        (sights, middle, hidden, torn): ([Sight; 4], Sight, bool, bool),
         tolerance: f64,
     ) -> Result<Estimate, Darkness> {
         let term = place.term;
+        let cut = interpolant.is_cut();
         let (mut integral, mut error) = interpolant.lit(tolerance);
         let whole = interpolant.light.luminance(integral).abs().max(error);
         let any = |sight: Sight| middle == sight || sights.contains(&sight);
@@ -273,6 +277,9 @@ impl Quadrature<'_, '_> {
             if field.may_hide(a, b, place.size(), divisions) {
                 error = error.max(whole * HIDDEN_SHARE);
             }
+        }
+        if torn && cut {
+            error = error.max(TORN_SHARE * interpolant.most());
         }
         let integral = interpolant.light.irradiance(integral);
         Ok(Estimate { integral, error, divide: false })

@@ -121,6 +121,12 @@ impl Interpolant {
             }
             weights.push(patch);
         }
+        // The samples, and how much of a side it is from them to the farthest point.
+        let samples = || {
+            let reaches = [1.0, 1.0, 1.0, 1.0, 0.5];
+            let all = corners.iter().copied().chain([centre]).zip(reaches);
+            all.filter_map(|(s, reach)| Some((s?, reach)))
+        };
         // Only edges that may vanish in the cell matter.
         let (mut cuts, mut shifts) = (ArrayVec::new(), ArrayVec::new());
         for (k, mut patch) in edges.into_iter().enumerate() {
@@ -132,15 +138,17 @@ impl Interpolant {
             }
             if torn {
                 shift += patch.plane().0;
+                if samples().all(|(s, reach)| stays_negative(&s.edges[k], reach * h)) {
+                    return Err(darkness(corners, k));
+                }
             }
             // A function that is negative at all five samples may still be positive between them: the
             // more it bends, the less they say. Without this a round lamp inside a large cell is lost.
-            let samples = corners.iter().copied().chain([centre]).flatten();
-            if samples.map(|s| s.edges[k].v).all(|v| v <= 0.0) {
+            if samples().all(|(s, _)| s.edges[k].v <= 0.0) {
                 shift += UNSEEN_MARGIN * patch.plane().0;
             }
             let (low, high) = patch.bounds();
-            if high + shift < 0.0 {
+            if high + shift < 0.0 && !torn {
                 return Err(darkness(corners, k));
             }
             if low - shift < 0.0 {
@@ -305,10 +313,10 @@ fn darkness(corners: &Corners<'_>, k: usize) -> Darkness {
     if k < borders { Darkness::NoChain } else { Darkness::NoLight }
 }
 
-/// Whether an edge function that is known at one corner of a cell of side `h`, or at its centre, stays
-/// negative in it though its slope may double on the way: where chains cease to exist it often does.
-fn stays_negative(edge: &Dual, h: f64) -> bool {
-    edge.v + 2.0 * h * (edge.a.abs() + edge.b.abs()) < 0.0
+/// Whether an edge function that is known at one place stays negative within `reach` of it though its
+/// slope may double on the way: towards the border where chains cease to exist it often does.
+fn stays_negative(edge: &Dual, reach: f64) -> bool {
+    edge.v + 2.0 * reach * (edge.a.abs() + edge.b.abs()) < 0.0
 }
 
 /// Whether an edge function is negative all over a cell, with a margin for how much it bends, times
