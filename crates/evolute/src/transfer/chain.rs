@@ -2,6 +2,7 @@
 
 use arrayvec::ArrayVec;
 
+use super::landing::Target;
 use crate::geometry::Vector3;
 use crate::optics::differential::{fresnel_conductor, fresnel_dielectric, reflected, refracted};
 use crate::optics::{Dual, DualRay, DualVector};
@@ -38,6 +39,11 @@ pub struct Step {
 }
 
 impl Step {
+    /// What a chain meets that goes on by this letter.
+    pub fn target(&self) -> Target {
+        Target { shape: self.shape, primitive: self.primitive, front: self.front, lamp: false }
+    }
+
     /// Whether both are the same letter (hints aside).
     pub fn same_letter(&self, other: &Self) -> bool {
         (self.shape, self.primitive, self.front, self.event)

@@ -90,6 +90,11 @@ impl Quadrature<'_, '_> {
         self.judge(place, tolerance).unwrap_or_else(|why| {
             let Term::Through(word, lamp) = self.terms[place.term] else { return Estimate::DARK };
             let target = self.lamps[lamp].target();
+            let why = match why {
+                // That chains meet the surface there does not say that they pass.
+                Darkness::NoChain if self.is_total(word, place) => Darkness::NoLight,
+                why => why,
+            };
             if (why == Darkness::NoChain && self.words.is_met_from(word, place.cell))
                 || self.words.reaches_from(word, target, place.cell)
             {
@@ -98,6 +103,13 @@ impl Quadrature<'_, '_> {
             self.dark[place.term].add(place.cell, why);
             Estimate::DARK
         })
+    }
+
+    /// Whether chains at the corners or the centre of a cell meet the word's last letter and are totally
+    /// reflected instead of transmitted.
+    fn is_total(&mut self, word: WordId, place: &Place) -> bool {
+        let points = place.corners().into_iter().chain([place.at(0.5, 0.5)]);
+        points.into_iter().any(|at| self.words.is_total(word, at))
     }
 
     /// What a cell of a word could be worth if it were lit all over [W/m²], by the chains at its

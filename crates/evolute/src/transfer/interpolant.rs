@@ -290,7 +290,8 @@ fn torn_weight(
     let apart = range(&|s| s.1.v);
     if said.len() > 1 && apart < STEEP_SHARE * level.abs() {
         let mean = said.iter().fold(Dual::default(), |sum, s| sum + s.1 * share);
-        let corner = |da: f64, db: f64| Dual::new(mean.v + mean.a * da + mean.b * db, mean.a, mean.b);
+        let corner =
+            |da: f64, db: f64| Dual::new(mean.v + mean.a * da + mean.b * db, mean.a, mean.b);
         let [p, q, r, s, _] = OFF_CENTRE.map(|[da, db]| corner(da, db));
         return (Patch::hermite(&[p, q, r, s], 1.0, 1.0), apart);
     }
@@ -298,8 +299,7 @@ fn torn_weight(
 }
 
 /// The corners and the centre of a unit cell, from its centre.
-const OFF_CENTRE: [[f64; 2]; 5] =
-    [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.0, 0.0]];
+const OFF_CENTRE: [[f64; 2]; 5] = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.0, 0.0]];
 
 /// The points of a coarse grid over a cell.
 fn raster() -> impl Iterator<Item = (f64, f64)> {

@@ -6,7 +6,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Arrival, Departure, Step, Visibility, depart, events};
+use super::chain::{Arrival, Departure, Event, Step, Visibility, depart, events};
 use super::domain::Domain;
 use super::extension::{facet_of, is_faceted, meet};
 use super::lamp::{outlined, part_of};
@@ -163,12 +163,8 @@ impl<'s> Words<'s> {
             let primitive = matches!(target.surface, Surface::Mesh(_)).then(|| domain.primitive());
             for front in sides {
                 for event in events(&target.material, front) {
-                    let hint = SurfacePoint {
-                        primitive: domain.primitive(),
-                        p: 0.5,
-                        q: 0.5,
-                        x: position,
-                    };
+                    let hint =
+                        SurfacePoint { primitive: domain.primitive(), p: 0.5, q: 0.5, x: position };
                     let step = Step { shape, primitive, front, event, hint };
                     ids.push(self.add(Source::First(root), step, 1, true));
                 }
@@ -259,6 +255,31 @@ impl<'s> Words<'s> {
     /// Whether the word's chain exists at a grid point, is free, and inside all borders.
     pub fn is_legal(&mut self, word: WordId, at: GridPoint) -> bool {
         self.departure(word, at).is_some_and(Departure::is_legal)
+    }
+
+    /// Whether a legal chain of the word before meets the last letter at a grid point and is totally
+    /// reflected there instead of transmitted.
+    pub fn is_total(&mut self, word: WordId, at: GridPoint) -> bool {
+        let Step { event: Event::Transmit, .. } = self.words[word.0 as usize].step else {
+            return false;
+        };
+        let Some(parent) = self.parent(word) else { return false };
+        if !self.is_legal(parent, at) || self.departure(word, at).is_some() {
+            return false;
+        }
+        self.met(parent, at) == Some(self.letter(word))
+    }
+
+    /// What a chain of a word meets as a letter that may follow.
+    fn met(&mut self, word: WordId, at: GridPoint) -> Option<Target> {
+        let scene = self.scene;
+        let departure = self.departure(word, at)?;
+        let hit = departure.next.as_ref()?;
+        let surface = &scene.shape(hit.anchor.shape).surface;
+        let local = surface.local(&hit.anchor.point)?;
+        let front = departure.ray.d.v.dot(&local.ng) < 0.0;
+        let primitive = facet(surface, &hit.anchor);
+        Some(Target { shape: hit.anchor.shape, primitive, front, lamp: false })
     }
 
     /// All words.
@@ -389,8 +410,7 @@ impl<'s> Words<'s> {
 
     /// Where the last letter of a word is.
     fn letter(&self, word: WordId) -> Target {
-        let Step { shape, primitive, front, .. } = self.words[word.0 as usize].step;
-        Target { shape, primitive, front, lamp: false }
+        self.words[word.0 as usize].step.target()
     }
 
     /// Whether a legal chain of the word before was seen to meet the word's last letter from inside
@@ -488,8 +508,7 @@ impl<'s> Words<'s> {
     /// A point of a letter that a chain traced near `at` met.
     fn hint(&self, parent: WordId, step: &Step, at: GridPoint) -> SurfacePoint {
         let parent = &self.words[parent.0 as usize];
-        let target = Target { shape: step.shape, primitive: step.primitive, front: step.front, lamp: false };
-        let near = parent.landings.near(target, at);
+        let near = parent.landings.near(step.target(), at);
         let met = near.and_then(|near| parent.departures.get(&near.key())?.as_ref()?.next);
         met.map_or(step.hint, |hit| hit.anchor.point)
     }
@@ -499,17 +518,12 @@ impl<'s> Words<'s> {
         let surface = &scene.shape(step.shape).surface;
         self.departure(parent, at)?;
         let hint = self.hint(parent, step, at);
+        let target = step.target();
+        let is_met = self.met(parent, at) == Some(target);
         let before = self.departure(parent, at)?;
-        let real = before.next.as_ref().filter(|h| {
-            h.anchor.shape == step.shape
-                && facet(surface, &h.anchor) == step.primitive
-                && surface
-                    .local(&h.anchor.point)
-                    .is_some_and(|l| (before.ray.d.v.dot(&l.ng) < 0.0) == step.front)
-        });
+        let real = before.next.as_ref().filter(|_| is_met);
         let leaving = (before.anchor.shape == step.shape).then_some(&before.anchor.point);
-        let meeting =
-            meet(surface, step.primitive, step.front, &before.ray, real, leaving, &hint)?;
+        let meeting = meet(surface, step.primitive, step.front, &before.ray, real, leaving, &hint)?;
         let inside = meeting.apertures.iter().all(|e| e.v > 0.0);
         // What is met later does not stand in the way: on a line of contact the tracer may miss the
         // surface. What is met in the same place is its other side, or another piece of it.
