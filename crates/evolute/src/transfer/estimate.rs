@@ -113,11 +113,13 @@ impl Quadrature<'_, '_> {
     }
 
     /// What a cell of a word could be worth if it were lit all over [W/m²], by the chains at its
-    /// corners up to the word before.
+    /// corners, and those that are known from inside, up to the word before.
     fn worth(&mut self, word: WordId, lamp: usize, place: &Place) -> f64 {
         let before = self.words.parent(word).unwrap_or(word);
         let mut most = 0f64;
-        for at in place.corners().into_iter().chain([place.at(0.5, 0.5)]) {
+        let inside = self.words.known_from(word, self.lamps[lamp].target(), place.cell);
+        let samples = place.corners().into_iter().chain([place.at(0.5, 0.5)]);
+        for at in samples.chain(inside) {
             if let Some(departure) = self.words.departure(before, at) {
                 most = most.max(departure.weight.v.abs() * departure.lossless_throughput());
             }

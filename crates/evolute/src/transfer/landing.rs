@@ -71,9 +71,18 @@ impl Landings {
 
     /// Whether a chain from inside the cell met the target.
     pub fn any(&self, target: Target, cell: Square) -> bool {
+        self.inside(target, cell).next().is_some()
+    }
+
+    /// Up to `count` points of the cell from which the target was met.
+    pub fn from(&self, target: Target, cell: Square, count: usize) -> Vec<GridPoint> {
+        self.inside(target, cell).take(count).collect()
+    }
+
+    fn inside(&self, target: Target, cell: Square) -> impl Iterator<Item = GridPoint> + '_ {
         let from = along_curve(cell.corner());
         let to = from + (1u64 << (2 * (GRID_BITS - cell.level)));
-        self.0.range((target, from)..(target, to)).next().is_some()
+        self.0.range((target, from)..(target, to)).map(|(_, code)| point(*code))
     }
 
     /// A point from which the target was met, of the two next to `at` along the curve the nearer.

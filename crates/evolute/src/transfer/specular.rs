@@ -192,8 +192,11 @@ impl<'s> Transfer<'s> {
                 let look = look(&mut quadrature.words, word);
                 if look.passed == 0.0 {
                     // A first surface of which the grid shows nothing may come close to the receiver
-                    // between its points: the criteria say where to look.
-                    if quadrature.words.parent(word).is_none() {
+                    // between its points: the criteria say where to look. A surface that was met may
+                    // let chains pass between those that it reflected totally.
+                    let words = &quadrature.words;
+                    let wanted = words.parent(word).is_none() || !words.met_at(word, 1).is_empty();
+                    if wanted && left.followed < MAX_WORDS {
                         next.extend(self.add_word(quadrature, word, 1.0, left, &tolerance));
                     }
                     continue;
@@ -240,7 +243,7 @@ impl<'s> Transfer<'s> {
         let coarse = throughput < COARSE_THROUGHPUT || look.island;
         let first = if coarse { COARSE_LEVEL } else { FIRST_LEVEL };
         quadrature.words.set_first_level(word, first);
-        if look.reaches || quadrature.words.parent(word).is_none() {
+        if look.reaches || look.passed == 0.0 {
             let allowed = tolerance(quadrature);
             for lamp in 0..self.lamps.len() {
                 if quadrature.brake.asked() {

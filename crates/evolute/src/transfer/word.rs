@@ -421,6 +421,17 @@ impl<'s> Words<'s> {
         })
     }
 
+    /// A few points of the cell from which the word's last letter or the lamp was seen to be met.
+    pub fn known_from(&self, word: WordId, lamp: Target, cell: Square) -> Vec<GridPoint> {
+        const FEW: usize = 4;
+        let mut points = self.words[word.0 as usize].landings.from(lamp, cell, FEW);
+        if let Some(parent) = self.parent(word) {
+            let landings = &self.words[parent.0 as usize].landings;
+            points.extend(landings.from(self.letter(word), cell, FEW));
+        }
+        points
+    }
+
     /// Whether a legal chain of the word was seen to reach a lamp from inside the cell.
     pub fn reaches_from(&self, word: WordId, lamp: Target, cell: Square) -> bool {
         self.words[word.0 as usize].landings.any(lamp, cell)
