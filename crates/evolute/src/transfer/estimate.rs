@@ -23,6 +23,9 @@ use crate::surface::Surface;
 /// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
 /// rays to the corners and the centre meets it.
 const HIDDEN_SHARE: f64 = 0.5;
+/// The part of the domain that a word's chains come from is known from samples: this covers what lies
+/// between them.
+const AREA_MARGIN: f64 = 1.5;
 /// Divisions of the first grid down to which a cell is not called dark where some of its chains exist
 /// and are hidden, and others do not exist.
 const GUESSED_LEVELS: u32 = 3;
@@ -112,19 +115,28 @@ impl Quadrature<'_, '_> {
         points.into_iter().any(|at| self.words.is_total(word, at))
     }
 
-    /// What a cell of a word could be worth if it were lit all over [W/m²], by the chains at its
-    /// corners, and those that are known from inside, up to the word before.
+    /// What an island in a cell could be worth if it were lit all over [W/m²], by the chains that are
+    /// known from inside the cell and end there: those that go on to a further surface are the next
+    /// word's.
     fn worth(&mut self, word: WordId, lamp: usize, place: &Place) -> f64 {
-        let before = self.words.parent(word).unwrap_or(word);
-        let mut most = 0f64;
+        let (mut most, mut met) = (0f64, 0.0);
         let inside = self.words.known_from(word, self.lamps[lamp].target(), place.cell);
-        let samples = place.corners().into_iter().chain([place.at(0.5, 0.5)]);
-        for at in samples.chain(inside) {
-            if let Some(departure) = self.words.departure(before, at) {
-                most = most.max(departure.weight.v.abs() * departure.lossless_throughput());
+        for at in inside {
+            let sample = self.sample(place.term, at);
+            let ends = |s: &&FieldSample| {
+                let scene = self.words.scene();
+                s.sight == Sight::On
+                    || s.next.is_none_or(|n| !scene.shape(n).material.is_specular())
+            };
+            if let Some(sample) = self.samples[sample].as_ref().filter(ends) {
+                met += 1.0;
+                most = most.max(sample.weight[0].v.abs());
             }
         }
-        most * place.size() * place.size() * self.lamps[lamp].radiance.luminance()
+        // Of the cell, as much as of the chains that are known; of the domain, as much as it seemed.
+        let share = place.size() * place.size() * met / (met + 5.0);
+        most * share.min(AREA_MARGIN * self.words.area(word))
+            * self.lamps[lamp].radiance.luminance()
     }
 
     /// The worth of a cell, or why it is dark.
@@ -167,7 +179,16 @@ impl Quadrature<'_, '_> {
         let coarse = level < first + 3;
         let c = &self.criteria;
         let large = level < LAST_LEVEL && c.solid_angle.is_some_and(|c| c.divides(&corners));
-        let bent = c.normal_variation.is_some_and(|c| c.divides(&corners, cone));
+        // Chains beyond the borders of a second or later surface may go anywhere: how they differ says
+        // nothing.
+        let real = match self.terms[term] {
+            Term::Through(word, _) if self.words.parent(word).is_some() => {
+                corners.iter().flatten().any(|s| s.legal)
+                    || self.words.is_met_from(word, place.cell)
+            }
+            _ => true,
+        };
+        let bent = real && c.normal_variation.is_some_and(|c| c.divides(&corners, cone));
         if large || (matters && coarse && bent) {
             return Ok(Estimate::DIVIDE);
         }
@@ -263,7 +284,9 @@ impl Quadrature<'_, '_> {
                 return Ok(Estimate { integral: Rgb::BLACK, error: whole, divide: false });
             }
         }
-        if any(Sight::Off) {
+        if whole == 0.0 {
+            // The lamp is not there; nothing need be asked about what hides it.
+        } else if any(Sight::Off) {
             let seen = |s: Sight| s != Sight::Off;
             let ask = |a: f64, b: f64| self.sees(term, place.at(a, b));
             match border(sights.map(seen), seen(middle), ask) {

@@ -449,6 +449,11 @@ impl<'s> Words<'s> {
         self.words[word.0 as usize].first_level = level;
     }
 
+    /// How much of the domain legal chains seem to come from.
+    pub fn area(&self, word: WordId) -> f64 {
+        self.words[word.0 as usize].area
+    }
+
     /// Keeps how much of the domain legal chains come from: `sampled` for a first letter, and else what
     /// the landings of the word before say. Letters that share a parent share its chains.
     pub fn set_area(&mut self, word: WordId, sampled: f64) -> f64 {
