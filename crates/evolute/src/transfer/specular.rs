@@ -195,8 +195,8 @@ impl<'s> Transfer<'s> {
                     // between its points: the criteria say where to look. A surface that was met may
                     // let chains pass between those that it reflected totally.
                     let words = &quadrature.words;
-                    let wanted = words.parent(word).is_none() || !words.met_at(word, 1).is_empty();
-                    if wanted && left.followed < MAX_WORDS {
+                    let stopped = look.island && !words.met_at(word, 1).is_empty();
+                    if (words.parent(word).is_none() || stopped) && left.followed < MAX_WORDS {
                         next.extend(self.add_word(quadrature, word, 1.0, left, &tolerance));
                     }
                     continue;
@@ -397,8 +397,8 @@ fn look(words: &mut Words<'_>, word: WordId) -> Look {
     let area = words.set_area(word, legal / asked);
     if legal == 0.0 {
         // An island between the grid's points.
+        look.island = true;
         for at in words.met_at(word, MOST_LANDINGS) {
-            look.island = true;
             if look.ask(words, word, at) {
                 legal += 1.0;
             }
