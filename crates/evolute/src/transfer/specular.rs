@@ -30,6 +30,9 @@ const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 const MAX_SUSPECTS: usize = 64;
 /// Known chains that are looked at where a coarse grid finds none of a word.
 const MOST_LANDINGS: usize = 9;
+/// Chains of one receiver beyond which it is given up: all are kept, a kilobyte or two each, and a cell of
+/// a word of fifty letters needs fifty of each of its chains.
+const MAX_CHAINS: u64 = 500_000;
 /// Most words a receiver follows; what is beyond is added to the error.
 const MAX_WORDS: usize = 512;
 
@@ -81,6 +84,7 @@ impl<'s> Transfer<'s> {
                 && (left.followed >= MAX_WORDS || left.unseen.error() > allowed);
             if stuck
                 || quadrature.cell_count() >= self.settings.max_cells
+                || quadrature.counts().chains >= MAX_CHAINS
                 || brake.asked_at_division()
             {
                 met = false;

@@ -15,3 +15,4 @@ mod maps;
 mod polygon;
 mod reference;
 mod threads;
+mod torn;

@@ -1,0 +1,68 @@
+//! Domains that are torn: where a chain meets a surface, and beside it does not exist. Light there was once
+//! lost without a word.
+
+use crate::cases;
+use crate::common::{SPECULAR, receiver};
+use evolute::scene::{Scene, load_file};
+use evolute::trace::Tracer;
+use evolute::transfer::{Event, ReceiverLight, Transfer};
+
+/// The light at `at`, facing up, and the part of it that comes by the shapes named.
+fn by(scene: &Scene, at: [f64; 3], names: &[&str]) -> (ReceiverLight, f64) {
+    let tracer = Tracer::new(scene);
+    let transfer = Transfer::new(scene, &tracer, cases::settings(scene, 1e-2));
+    let (light, words) = transfer.light_by_word(&receiver(at, [0.0, 0.0, 1.0]), SPECULAR);
+    let named = |(shape, event): &(_, Event)| {
+        let id = scene.shape(*shape).id.as_str();
+        (*event == Event::Transmit) == (id != "mirror") && names.contains(&id)
+    };
+    let part = words
+        .iter()
+        .filter(|w| w.letters.len() == names.len() && w.letters.iter().all(named))
+        .map(|w| w.irradiance[1])
+        .sum();
+    (light, part)
+}
+
+/// What a flat mirror shows is what its virtual image would: 0.9 of the light at the mirrored receiver.
+#[test]
+fn shell_of_glass_in_a_mirror() {
+    let file = cases::path("torn_domains", "shell.xml");
+    let scene = load_file(&file, &[]).unwrap().scene;
+    let away = [("mirror_x".to_string(), "1000".to_string())];
+    let alone = load_file(&file, &away).unwrap().scene;
+    for x in [0.069, 0.072, 0.075, 0.078, 0.08] {
+        let (light, mirrored) = by(&scene, [x, 0.01, -0.08], &["mirror", "outside", "inside"]);
+        let (image, direct) = by(&alone, [0.2 - x, 0.01, -0.08], &["outside", "inside"]);
+        println!(
+            "x = {x}: {mirrored:.4} by the mirror, {:.4} by its image, estimate {:.3} of {:.3}, met {}",
+            0.9 * direct,
+            light.error,
+            light.specular[1],
+            light.met
+        );
+        assert!(direct > 10.0);
+        assert!((mirrored - 0.9 * direct).abs() <= light.error + 0.9 * image.error);
+        assert!((mirrored / (0.9 * direct) - 1.0).abs() < 5e-3);
+    }
+}
+
+/// Receivers near the wall of half a ring, which reflects twice and more.
+#[test]
+fn near_the_wall_of_half_a_ring() {
+    let scene = load_file(cases::path("torn_domains", "half_ring.xml"), &[]).unwrap().scene;
+    for row in cases::table("torn_domains", "half_ring.csv") {
+        let (light, _) = by(&scene, [row[0], row[1], row[2]], &[]);
+        let off = light.specular[1] - row[6];
+        println!(
+            "{:?}: {:.3}, path tracer {:.3} ± {:.3}, estimate {:.3}, {} chains",
+            &row[..2],
+            light.specular[1],
+            row[6],
+            row[7],
+            light.error,
+            light.counts.chains
+        );
+        assert!(off.abs() <= light.error + 3.0 * row[7]);
+    }
+}
