@@ -10,7 +10,7 @@ use super::beam::may_hide;
 use super::boundary::{Border, border};
 use super::chain::MAX_CHAIN_EDGES;
 use super::field::{FieldSample, Sight};
-use super::interpolant::{Corners, Interpolant, Light, is_dark};
+use super::interpolant::{Corners, Interpolant, Light, is_dark, misses};
 use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
 use super::quadrature::{LAST_LEVEL, Quadrature, Term};
@@ -119,21 +119,22 @@ impl Quadrature<'_, '_> {
     /// known from inside the cell and end there: those that go on to a further surface are the next
     /// word's.
     fn worth(&mut self, word: WordId, lamp: usize, place: &Place) -> f64 {
-        let (mut most, mut met) = (0f64, 0.0);
         let inside = self.words.known_from(word, self.lamps[lamp].target(), place.cell);
-        for at in inside {
-            let sample = self.sample(place.term, at);
-            let ends = |s: &&FieldSample| {
-                let scene = self.words.scene();
-                s.sight == Sight::On
-                    || s.next.is_none_or(|n| !scene.shape(n).material.is_specular())
-            };
-            if let Some(sample) = self.samples[sample].as_ref().filter(ends) {
-                met += 1.0;
-                most = most.max(sample.weight[0].v.abs());
-            }
+        let numbers: Vec<usize> =
+            inside.into_iter().map(|at| self.sample(place.term, at)).collect();
+        let scene = self.words.scene();
+        let specular = |shape: ShapeId| scene.shape(shape).material.is_specular();
+        let ending: Vec<&FieldSample> = numbers
+            .iter()
+            .filter_map(|k| self.samples[*k].as_ref())
+            .filter(|s| s.sight == Sight::On || !s.next.is_some_and(specular))
+            .collect();
+        if misses(&ending, place.size()) {
+            return 0.0;
         }
+        let most = ending.iter().fold(0f64, |most, s| most.max(s.weight[0].v.abs()));
         // Of the cell, as much as of the chains that are known; of the domain, as much as it seemed.
+        let met = ending.len() as f64;
         let share = place.size() * place.size() * met / (met + 5.0);
         most * share.min(AREA_MARGIN * self.words.area(word))
             * self.lamps[lamp].radiance.luminance()
@@ -154,6 +155,10 @@ impl Quadrature<'_, '_> {
                 self.words.normal_cone(word, place.cell)
             }
             _ => 0.0,
+        };
+        let guessed = match self.terms[term] {
+            Term::Through(word, _) => self.words.is_guessed(word),
+            Term::Direct(..) => false,
         };
         let numbers = place.corners().map(|point| self.sample(term, point));
         let light = match &self.terms[term] {
@@ -192,7 +197,7 @@ impl Quadrature<'_, '_> {
         if large || (matters && coarse && bent) {
             return Ok(Estimate::DIVIDE);
         }
-        let edges = Interpolant::edges(&corners, h)?;
+        let edges = Interpolant::edges(&corners, guessed, h)?;
         if matters && c.matching_trees.is_some_and(|c| c.divides(&corners, level - first)) {
             return Ok(Estimate::DIVIDE);
         }
@@ -209,10 +214,11 @@ impl Quadrature<'_, '_> {
             .any(|s| s.sight == Sight::Off && s.is_inside());
         let blockers: ArrayVec<ShapeId, 5> =
             corners.iter().chain([&centre]).flatten().filter_map(|s| s.blocker).collect();
-        // Torn: the chain exists at some of the samples, and not at others.
-        let torn = corners.iter().chain([&centre]).any(|s| s.is_none())
+        // Torn for no reason that is known: the chain exists at some of the samples, and not at others.
+        let torn = guessed
+            && corners.iter().chain([&centre]).any(|s| s.is_none())
             && corners.iter().chain([&centre]).flatten().any(|s| s.legal);
-        let interpolant = Interpolant::new(&corners, centre, edges, h, light)?;
+        let interpolant = Interpolant::new(&corners, centre, edges, guessed, h, light)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
             let doubtful = torn && level < first + GUESSED_LEVELS;
             if !matters || (!doubtful && self.hide_all(&blockers, level < first + 2)) {
@@ -246,7 +252,7 @@ impl Quadrature<'_, '_> {
                     place.size(),
                     place.size(),
                 );
-                is_dark(&patch)
+                is_dark(&patch, 1)
             }
         })
     }

@@ -70,14 +70,14 @@ impl Interpolant {
     /// # Errors
     ///
     /// Why the cell is dark, if one of them says so with a margin for how much it bends.
-    pub fn edges(corners: &Corners<'_>, h: f64) -> Result<Edges, Darkness> {
+    pub fn edges(corners: &Corners<'_>, guessed: bool, h: f64) -> Result<Edges, Darkness> {
         let missing = corners.iter().filter(|c| c.is_none()).count();
         let count = corners.iter().flatten().map(|c| c.edges.len()).min().unwrap_or(0);
         let mut edges = Edges::new();
         for k in 0..count {
             let patch = hermite(corners, h, |s| s.edges[k]);
-            let negative = if missing == 0 {
-                is_dark(&patch)
+            let negative = if missing == 0 || !guessed {
+                is_dark(&patch, 1 + missing)
             } else {
                 corners.iter().flatten().all(|s| stays_negative(&s.edges[k], h))
             };
@@ -98,6 +98,7 @@ impl Interpolant {
         corners: &Corners<'_>,
         centre: Option<&FieldSample>,
         edges: Edges,
+        guessed: bool,
         h: f64,
         light: Light,
     ) -> Result<Self, Darkness> {
@@ -136,7 +137,7 @@ impl Interpolant {
                 patch.add_bump(value);
                 shift = left(value, slope);
             }
-            if torn {
+            if torn && guessed {
                 shift += patch.plane().0;
                 if samples().all(|(s, reach)| stays_negative(&s.edges[k], reach * h)) {
                     return Err(darkness(corners, k));
@@ -148,7 +149,7 @@ impl Interpolant {
                 shift += UNSEEN_MARGIN * patch.plane().0;
             }
             let (low, high) = patch.bounds();
-            if high + shift < 0.0 && !torn {
+            if high + shift < 0.0 && !(torn && guessed) {
                 return Err(darkness(corners, k));
             }
             if low - shift < 0.0 {
@@ -319,10 +320,16 @@ fn stays_negative(edge: &Dual, reach: f64) -> bool {
     edge.v + 2.0 * reach * (edge.a.abs() + edge.b.abs()) < 0.0
 }
 
+/// Whether one edge function stays negative within `reach` of all of some samples.
+pub fn misses(samples: &[&FieldSample], reach: f64) -> bool {
+    let count = samples.iter().map(|s| s.edges.len()).min().unwrap_or(0);
+    (0..count).any(|k| samples.iter().all(|s| stays_negative(&s.edges[k], reach)))
+}
+
 /// Whether an edge function is negative all over a cell, with a margin for how much it bends, times
 /// `caution`.
-pub fn is_dark(edge: &Patch) -> bool {
-    edge.bounds().1 < -DARK_MARGIN * edge.plane().0
+pub fn is_dark(edge: &Patch, caution: usize) -> bool {
+    edge.bounds().1 < -DARK_MARGIN * caution as f64 * edge.plane().0
 }
 
 /// An upper estimate of the area that a constraint's zero sweeps when it is shifted, as a part of the

@@ -34,7 +34,7 @@ const MOST_LANDINGS: usize = 9;
 /// a word of fifty letters needs fifty of each of its chains.
 const MAX_CHAINS: u64 = 500_000;
 /// Most words a receiver follows; what is beyond is added to the error.
-const MAX_WORDS: usize = 512;
+const MAX_WORDS: usize = 2048;
 
 impl<'s> Transfer<'s> {
     pub(super) fn gather(
@@ -81,7 +81,7 @@ impl<'s> Transfer<'s> {
             // When no further word may be followed, what was left out stays, and finer cells do not
             // help beyond their own share.
             let stuck = quadrature.error() <= allowed
-                && (left.followed >= MAX_WORDS || left.unseen.error() > allowed);
+                && (is_full(&quadrature, &left) || left.unseen.error() > allowed);
             if stuck
                 || quadrature.cell_count() >= self.settings.max_cells
                 || quadrature.counts().chains >= MAX_CHAINS
@@ -91,7 +91,7 @@ impl<'s> Transfer<'s> {
                 break;
             }
             // What was left out competes with the cells.
-            if left.followed < MAX_WORDS && left.worst() > quadrature.worst() {
+            if !is_full(&quadrature, &left) && left.worst() > quadrature.worst() {
                 if let Some(word) = left.take_worst() {
                     self.enter(&mut quadrature, word, &mut left, |q| tolerance(q, &closed));
                 }
@@ -200,7 +200,12 @@ impl<'s> Transfer<'s> {
                     // let chains pass between those that it reflected totally.
                     let words = &quadrature.words;
                     let stopped = look.island && !words.met_at(word, 1).is_empty();
-                    if (words.parent(word).is_none() || stopped) && left.followed < MAX_WORDS {
+                    if words.parent(word).is_some() && !stopped {
+                        continue;
+                    }
+                    if is_full(quadrature, left) {
+                        self.leave_unseen(quadrature, word, left);
+                    } else {
                         next.extend(self.add_word(quadrature, word, 1.0, left, &tolerance));
                     }
                     continue;
@@ -209,7 +214,7 @@ impl<'s> Transfer<'s> {
                 let throughput = look.passed / look.offered;
                 let small = bound < CUT_WORD_SHARE * tolerance(quadrature);
                 let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
-                if small || dim || left.followed >= MAX_WORDS {
+                if small || dim || is_full(quadrature, left) {
                     left.words.push(LeftWord { word, error: bound, throughput });
                     quadrature.words.forget(word);
                     continue;
@@ -311,6 +316,11 @@ fn possible(irradiance: Rgb, most: f64) -> Rgb {
     let positive = irradiance.map(|v| v.max(0.0));
     let luminance = positive.luminance();
     if luminance > most { positive * (most / luminance) } else { positive }
+}
+
+/// Whether no further word may be followed.
+fn is_full(quadrature: &Quadrature<'_, '_>, left: &Left) -> bool {
+    left.followed >= MAX_WORDS || quadrature.counts().chains >= MAX_CHAINS
 }
 
 /// A word that was left out and what it is reckoned to be worth.

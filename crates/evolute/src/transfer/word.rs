@@ -65,6 +65,8 @@ struct Word {
     step: Step,
     depth: u32,
     grey: bool,
+    /// Whether a later letter than the first is on a surface whose continuation is only iterated for.
+    guessed: bool,
     departures: HashMap<u64, Option<Box<Departure>>, GridHasher>,
     discovered: Vec<Step>,
     children: Vec<WordId>,
@@ -206,11 +208,20 @@ impl<'s> Words<'s> {
                 .dielectric
                 .as_ref()
                 .is_none_or(|d| same(&d.reflectance) && same(&d.transmittance));
+        let guessed = match source {
+            Source::First(_) => false,
+            Source::After(parent) => {
+                let formula =
+                    matches!(self.scene.shape(step.shape).surface, Surface::Parametric(_));
+                formula || self.words[parent.0 as usize].guessed
+            }
+        };
         self.words.push(Word {
             source,
             step,
             depth,
             grey,
+            guessed,
             departures: HashMap::default(),
             discovered: Vec::new(),
             children: Vec::new(),
@@ -305,6 +316,12 @@ impl<'s> Words<'s> {
     /// Whether its throughput is the same in all channels.
     pub fn is_grey(&self, word: WordId) -> bool {
         self.words[word.0 as usize].grey
+    }
+
+    /// Whether a chain of the word that is not found at a grid point may exist beside it all the same: not
+    /// at the limb of a ball, but where an iteration for a formula's surface fails.
+    pub fn is_guessed(&self, word: WordId) -> bool {
+        self.words[word.0 as usize].guessed
     }
 
     /// Whether chains of the word were seen to meet further specular surfaces.
