@@ -10,9 +10,10 @@
 
 use arrayvec::ArrayVec;
 
+use super::grid::GridPoint;
 use super::lamp::Lamp;
 use super::shaft::{Body, MAX_CORNERS, Shaft};
-use super::word::{GridPoint, WordId, Words};
+use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3};
 use crate::scene::ShapeId;
 use crate::surface::Surface;

@@ -7,8 +7,8 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use super::grid::{GRID_BITS, GridHasher, GridPoint};
 use super::quadrature::LAST_LEVEL;
-use super::word::{GRID_BITS, GridHasher, GridPoint};
 use crate::scene::ShapeId;
 
 /// What a chain met: a letter that may follow, or a lamp.

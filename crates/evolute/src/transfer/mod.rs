@@ -13,6 +13,7 @@ mod domain;
 mod estimate;
 mod extension;
 mod field;
+mod grid;
 mod interpolant;
 mod lamp;
 mod landing;

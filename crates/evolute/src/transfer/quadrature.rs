@@ -12,11 +12,12 @@ use arrayvec::ArrayVec;
 use super::criteria::Criteria;
 use super::estimate::Place;
 use super::field::{DirectField, FieldSample, sample_through};
+use super::grid::{GRID_BITS, GridHasher, GridPoint};
 use super::lamp::Lamp;
 use super::landing::{DarkCells, Square, Target};
 use super::settings::{Counts, WordShare};
 use super::unseen::Brake;
-use super::word::{GRID_BITS, GridHasher, GridPoint, WordId, Words};
+use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 
 /// First grid of a domain: 8 × 8 cells.
@@ -222,12 +223,14 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         }
     }
 
-    /// Takes up cells that are held dark and into which chains were traced since that say otherwise.
-    pub fn open_dark(&mut self, tolerance: f64) {
+    /// Takes up cells that are held dark and into which chains were traced since that say otherwise. The
+    /// words without terms whose last letter was met by such a chain, and from where.
+    pub fn open_dark(&mut self, tolerance: f64) -> Vec<(WordId, GridPoint)> {
+        let mut met = Vec::new();
         loop {
             let fresh = self.words.take_fresh();
             if fresh.is_empty() {
-                return;
+                return met;
             }
             for (word, target, at) in fresh {
                 let words: ArrayVec<WordId, 2> = if target.lamp {
@@ -236,7 +239,11 @@ impl<'s, 'l> Quadrature<'s, 'l> {
                     self.words.children_at(word, target).collect()
                 };
                 for word in words {
-                    for k in 0..self.terms_of.get(word.0 as usize).map_or(0, Vec::len) {
+                    let terms = self.terms_of.get(word.0 as usize).map_or(0, Vec::len);
+                    if terms == 0 {
+                        met.push((word, at));
+                    }
+                    for k in 0..terms {
                         self.open(self.terms_of[word.0 as usize][k], target, at, tolerance);
                     }
                 }

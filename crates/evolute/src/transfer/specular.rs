@@ -1,15 +1,18 @@
 //! One receiver's light: terms in order of depth, then the queue over all their cells.
 
+use std::collections::HashSet;
+
 use super::Transfer;
-use super::chain::{Event, Visibility};
+use super::chain::{Departure, Event, Visibility};
 use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
 use super::field::DirectField;
+use super::grid::{GRID_BITS, GridPoint};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
 use super::unseen::{Brake, Unseen, UnseenParts};
-use super::word::{GRID_BITS, GridPoint, WordId, Words};
+use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
 use crate::surface::Surface;
@@ -71,7 +74,8 @@ impl<'s> Transfer<'s> {
         let mut met = true;
         loop {
             let allowed = tolerance(&quadrature, &closed);
-            quadrature.open_dark(allowed);
+            let met_again = quadrature.open_dark(allowed);
+            self.follow_met(&mut quadrature, &met_again, &mut left, |q| tolerance(q, &closed));
             let allowed = tolerance(&quadrature, &closed);
             if quadrature.error() + left.error() <= allowed
                 || self.settings.criteria.quadrature.is_none()
@@ -201,6 +205,7 @@ impl<'s> Transfer<'s> {
                     let words = &quadrature.words;
                     let stopped = look.island && !words.met_at(word, 1).is_empty();
                     if words.parent(word).is_some() && !stopped {
+                        left.unmet.insert(word);
                         continue;
                     }
                     if is_full(quadrature, left) {
@@ -222,6 +227,26 @@ impl<'s> Transfer<'s> {
                 next.extend(self.add_word(quadrature, word, throughput, left, &tolerance));
             }
             level = next;
+        }
+    }
+
+    /// Follows the words of which the grid showed nothing and whose last letter was met since by a chain
+    /// that carries light there.
+    fn follow_met(
+        &self,
+        quadrature: &mut Quadrature<'s, '_>,
+        met: &[(WordId, GridPoint)],
+        left: &mut Left,
+        tolerance: impl Fn(&Quadrature<'_, '_>) -> f64,
+    ) {
+        for &(word, at) in met {
+            let carries = |departure: &Departure| departure.weight.v > 0.0 && departure.is_legal();
+            if left.unmet.contains(&word)
+                && quadrature.words.departure(word, at).is_some_and(carries)
+            {
+                left.unmet.remove(&word);
+                self.follow(quadrature, vec![word], left, &tolerance);
+            }
         }
     }
 
@@ -333,6 +358,8 @@ struct LeftWord {
 /// What was left out of one receiver.
 struct Left {
     words: Vec<LeftWord>,
+    /// Words of which no chain that carries light is known yet.
+    unmet: HashSet<WordId>,
     followed: usize,
     unseen: UnseenParts,
 }
@@ -340,7 +367,12 @@ struct Left {
 impl Left {
     /// Nothing; what is not looked at will be worth no more than `most` [W/m²].
     fn up_to(most: f64) -> Self {
-        Self { words: Vec::new(), followed: 0, unseen: UnseenParts::up_to(most) }
+        Self {
+            words: Vec::new(),
+            unmet: HashSet::new(),
+            followed: 0,
+            unseen: UnseenParts::up_to(most),
+        }
     }
 
     fn error(&self) -> f64 {

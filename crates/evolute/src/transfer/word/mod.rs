@@ -1,54 +1,23 @@
 //! Words: the sequences of surfaces and events that chains from one receiver go through, as a tree
 //! whose nodes share the legs that are already traced.
 
+mod leg;
+
 use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Arrival, Departure, Event, Step, Visibility, depart, events};
-use super::domain::Domain;
-use super::extension::{facet_of, is_faceted, meet};
-use super::lamp::{outlined, part_of};
+use super::chain::{Departure, Event, Step, events};
+use super::domain::{Domain, FirstPoint};
+use super::grid::{GridHasher, GridPoint};
 use super::landing::{Landings, Square, Target};
 use super::settings::{Counts, Receiver};
-use crate::geometry::Ray;
-use crate::optics::{Dual, DualRay};
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Surface, SurfacePoint};
-use crate::trace::{Anchor, Hit, Tracer};
-
-/// Domains are resolved to this many binary digits: cells of level 14 may still bisect their sides
-/// ten times.
-pub const GRID_BITS: u32 = 24;
-
-/// Two hits along a ray are in the same place when their distances differ by less than this share.
-const SAME_PLACE: f64 = 1e-9;
-
-/// A point of a domain on the finest dyadic grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct GridPoint {
-    /// a · 2^GRID_BITS.
-    pub i: u32,
-    /// b · 2^GRID_BITS.
-    pub j: u32,
-}
-
-impl GridPoint {
-    /// a and b in [0, 1].
-    pub fn coordinates(&self) -> (f64, f64) {
-        let unit = 1.0 / f64::from(1u32 << GRID_BITS);
-        (f64::from(self.i) * unit, f64::from(self.j) * unit)
-    }
-
-    /// One number for both.
-    pub fn key(&self) -> u64 {
-        (u64::from(self.i) << 32) | u64::from(self.j)
-    }
-}
+use crate::trace::{Anchor, Tracer};
 
 /// Index of a word in its tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct WordId(pub u32);
 
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +47,7 @@ struct Word {
 }
 
 /// The first leg at a grid point and what stands in it: shared by the events at the first surface.
-type FirstLeg = Option<(super::domain::FirstPoint, Option<ShapeId>)>;
+type FirstLeg = Option<(FirstPoint, Option<ShapeId>)>;
 
 struct Root<'s> {
     domain: Domain<'s>,
@@ -281,18 +250,6 @@ impl<'s> Words<'s> {
         self.met(parent, at) == Some(self.letter(word))
     }
 
-    /// What a chain of a word meets as a letter that may follow.
-    fn met(&mut self, word: WordId, at: GridPoint) -> Option<Target> {
-        let scene = self.scene;
-        let departure = self.departure(word, at)?;
-        let hit = departure.next.as_ref()?;
-        let surface = &scene.shape(hit.anchor.shape).surface;
-        let local = surface.local(&hit.anchor.point)?;
-        let front = departure.ray.d.v.dot(&local.ng) < 0.0;
-        let primitive = facet(surface, &hit.anchor);
-        Some(Target { shape: hit.anchor.shape, primitive, front, lamp: false })
-    }
-
     /// All words.
     pub fn ids(&self) -> impl Iterator<Item = WordId> + use<> {
         (0..self.words.len() as u32).map(WordId)
@@ -347,71 +304,6 @@ impl<'s> Words<'s> {
             self.words[word.0 as usize].departures.insert(at.key(), traced);
         }
         self.words[word.0 as usize].departures.get(&at.key())?.as_deref()
-    }
-
-    fn trace(&mut self, word: WordId, at: GridPoint) -> Option<Departure> {
-        self.counts.chains += 1;
-        let step = self.words[word.0 as usize].step;
-        let arrival = match self.words[word.0 as usize].source {
-            Source::First(root) => self.first_arrival(root, &step, at)?,
-            Source::After(parent) => self.next_arrival(parent, &step, at)?,
-        };
-        let material = &self.scene.shape(step.shape).material;
-        let mut departure = depart(&arrival, material, &step)?;
-        if departure.visible == Visibility::Free {
-            let ray = Ray::new(departure.anchor.point.x, departure.ray.d.v);
-            self.counts.rays += 1;
-            let next = self.tracer.nearest(&ray, f64::INFINITY, &[departure.anchor]);
-            departure.next = next;
-            if let Some(hit) = next {
-                let legal = departure.edges.iter().all(|e| e.v > 0.0);
-                self.discover(word, at, &departure.ray, &hit, legal);
-            }
-        }
-        Some(departure)
-    }
-
-    /// Notes which letters could follow, and where a legal chain landed.
-    fn discover(&mut self, word: WordId, at: GridPoint, ray: &DualRay, hit: &Hit, legal: bool) {
-        let shape = self.scene.shape(hit.anchor.shape);
-        let (specular, lamp) = (shape.material.is_specular(), !shape.radiance.is_black());
-        if !specular && !lamp {
-            return;
-        }
-        let Some(local) = shape.surface.local(&hit.anchor.point) else { return };
-        let front = ray.d.v.dot(&local.ng) < 0.0;
-        let mut landed = |target: Target| {
-            if legal {
-                self.words[word.0 as usize].landings.add(target, at);
-                self.fresh.push((word, target, at));
-            }
-        };
-        if lamp && front {
-            let primitive = match &shape.surface {
-                Surface::Mesh(m) if outlined(&shape.surface) => {
-                    Some(part_of(m, hit.anchor.point.primitive))
-                }
-                _ => None,
-            };
-            landed(Target { shape: hit.anchor.shape, primitive, front, lamp: true });
-        }
-        if specular {
-            let primitive = facet(&shape.surface, &hit.anchor);
-            landed(Target { shape: hit.anchor.shape, primitive, front, lamp: false });
-            for event in events(&shape.material, front) {
-                let step = Step {
-                    shape: hit.anchor.shape,
-                    primitive,
-                    front,
-                    event,
-                    hint: hit.anchor.point,
-                };
-                let list = &mut self.words[word.0 as usize].discovered;
-                if !list.iter().any(|s| s.same_letter(&step)) {
-                    list.push(step);
-                }
-            }
-        }
     }
 
     /// The landings that were not asked for before: word, what was met, from where.
@@ -488,139 +380,4 @@ impl<'s> Words<'s> {
         self.words[word.0 as usize].area = area;
         area
     }
-
-    fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
-        let (position, normal) = (self.receiver.position, self.receiver.normal);
-        if !self.roots[root].legs.contains_key(&at.key()) {
-            let (a, b) = at.coordinates();
-            let leg = self.roots[root].domain.at(a, b).map(|first| {
-                self.counts.rays += 1;
-                let ray = Ray::new(position, first.d.v);
-                let hit = self.tracer.nearest(&ray, f64::INFINITY, &self.contacts);
-                // Nothing nearer than the point, whose own root the tracer finds at the same distance
-                // but for rounding, or misses on a border or at the limb.
-                let hit = hit.filter(|h| h.t < first.distance * (1.0 - 1e-8));
-                (first, hit.map(|h| h.anchor.shape))
-            });
-            self.roots[root].legs.insert(at.key(), leg);
-        }
-        let (first, blocker) = (*self.roots[root].legs.get(&at.key())?)?;
-        let cos_1 = first.d.dot_constant(&normal);
-        let mut arrival = Arrival {
-            anchor: Anchor { shape: step.shape, point: first.point },
-            x: first.x,
-            d: first.d,
-            n: first.n,
-            first_normal: first.n.v,
-            weight: cos_1 * first.solid_angle,
-            first_direction: first.d.v,
-            throughput: [Dual::constant(1.0); 3],
-            radiance_scale: 1.0,
-            edges: ArrayVec::new(),
-            visible: blocker.map_or(Visibility::Free, |b| Visibility::Blocked(Some(b))),
-        };
-        arrival.push_edge(cos_1);
-        if let Some(rim) = self.roots[root].domain.rim(&first) {
-            arrival.push_edge(rim);
-            if rim.v <= 0.0 {
-                arrival.visible = Visibility::Beyond;
-            }
-        }
-        if !self.roots[root].domain.one_sided() {
-            let facing = first.d.dot(&first.n);
-            arrival.push_edge(if step.front { -facing } else { facing });
-            // The domain's measure is unsigned; seen from the other side it goes on with the sign.
-            if arrival.edges[1].v < 0.0 {
-                arrival.weight = -arrival.weight;
-                arrival.visible = Visibility::Beyond;
-            }
-        }
-        Some(arrival)
-    }
-
-    /// A point of a letter that a chain traced near `at` met.
-    fn hint(&self, parent: WordId, step: &Step, at: GridPoint) -> SurfacePoint {
-        let parent = &self.words[parent.0 as usize];
-        let near = parent.landings.near(step.target(), at);
-        let met = near.and_then(|near| parent.departures.get(&near.key())?.as_ref()?.next);
-        met.map_or(step.hint, |hit| hit.anchor.point)
-    }
-
-    fn next_arrival(&mut self, parent: WordId, step: &Step, at: GridPoint) -> Option<Arrival> {
-        let scene = self.scene;
-        let surface = &scene.shape(step.shape).surface;
-        self.departure(parent, at)?;
-        let hint = self.hint(parent, step, at);
-        let target = step.target();
-        let is_met = self.met(parent, at) == Some(target);
-        let before = self.departure(parent, at)?;
-        let real = before.next.as_ref().filter(|_| is_met);
-        let leaving = (before.anchor.shape == step.shape).then_some(&before.anchor.point);
-        let meeting = meet(surface, step.primitive, step.front, &before.ray, real, leaving, &hint)?;
-        let inside = meeting.apertures.iter().all(|e| e.v > 0.0);
-        // What is met later does not stand in the way: on a line of contact the tracer may miss the
-        // surface. What is met in the same place is its other side, or another piece of it.
-        let along = (meeting.x.v - before.ray.o.v).dot(&before.ray.d.v);
-        let blocker = before.next.as_ref().filter(|h| h.t < along * (1.0 - SAME_PLACE));
-        let visible = match before.visible {
-            Visibility::Free if real.is_some() => Visibility::Free,
-            Visibility::Free if inside && blocker.is_some() => {
-                Visibility::Blocked(blocker.map(|h| h.anchor.shape))
-            }
-            Visibility::Free => Visibility::Beyond,
-            other => other,
-        };
-        let mut arrival = Arrival {
-            anchor: Anchor { shape: step.shape, point: meeting.point },
-            x: meeting.x,
-            d: before.ray.d,
-            n: meeting.n,
-            first_normal: before.first_normal,
-            weight: before.weight,
-            first_direction: before.first_direction,
-            throughput: before.throughput,
-            radiance_scale: before.radiance_scale,
-            edges: before.edges.clone(),
-            visible,
-        };
-        for e in meeting.apertures {
-            arrival.push_edge(e);
-        }
-        if !matches!(surface, Surface::Sphere(_) | Surface::Cylinder(_)) {
-            let facing = arrival.d.dot(&arrival.n);
-            arrival.push_edge(if step.front { -facing } else { facing });
-        }
-        Some(arrival)
-    }
 }
-
-/// The triangle, if each triangle of the surface is a mirror of its own.
-fn facet(surface: &Surface, anchor: &Anchor) -> Option<u32> {
-    match surface {
-        Surface::Mesh(m) if is_faceted(m) => Some(facet_of(m, anchor.point.primitive).id),
-        _ => None,
-    }
-}
-
-/// Multiplies grid keys by an odd constant (2⁶⁴ over the golden ratio) and folds; the map is only
-/// ever asked for single keys, so its order never shows.
-#[derive(Default)]
-pub struct GridHash(u64);
-
-impl Hasher for GridHash {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-    fn write(&mut self, bytes: &[u8]) {
-        for b in bytes {
-            self.write_u64(u64::from(*b));
-        }
-    }
-    fn write_u64(&mut self, key: u64) {
-        let mixed = (self.0 ^ key).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        self.0 = mixed ^ (mixed >> 29);
-    }
-}
-
-/// Builds hashers of grid keys.
-pub type GridHasher = BuildHasherDefault<GridHash>;
