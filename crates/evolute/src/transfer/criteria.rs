@@ -23,6 +23,11 @@ pub struct NormalVariation {
     pub least_direction_cosine: f64,
     /// Widest allowed cone of normals, proved by intervals, half its opening [rad].
     pub widest_cone: f64,
+    /// How much wider the cone may be than the corners' normals show, as a factor: intervals are up to
+    /// twice too wide.
+    pub seen_ratio: f64,
+    /// The same beyond that factor [rad].
+    pub seen_cone: f64,
 }
 
 /// Criterion 3: the ray trees of neighbouring samples hit the same or adjacent surfaces.
@@ -61,6 +66,9 @@ impl Default for Criteria {
                 // Intervals are up to twice too wide: a cell of a wave whose corners say all there is
                 // to say should pass, one with a bump between its corners should not.
                 widest_cone: 0.87,
+                // A corrugation may show equal normals at all corners.
+                seen_ratio: 2.5,
+                seen_cone: 0.1,
             }),
             // One more look where something is seen at one corner and not at the next.
             matching_trees: Some(MatchingTrees { divisions: 2 }),
@@ -101,7 +109,21 @@ impl NormalVariation {
             }
             _ => false,
         };
-        cone > self.widest_cone || (0..4).any(|i| (0..i).any(|j| differ(i, j)))
+        cone > self.widest_cone
+            || (0..4).any(|i| (0..i).any(|j| differ(i, j)))
+            || self.hides(corners, cone)
+    }
+
+    /// Whether normals, of which a cone of half the opening `cone` [rad] is proved to hold all, may differ
+    /// more between the corners than at them.
+    pub fn hides(&self, corners: &[Option<&FieldSample>; 4], cone: f64) -> bool {
+        let mut least = 1f64;
+        for (i, p) in corners.iter().enumerate() {
+            for (p, q) in p.iter().flat_map(|p| corners[..i].iter().flatten().map(move |q| (p, q))) {
+                least = least.min(p.normal.dot(&q.normal));
+            }
+        }
+        cone > self.seen_cone + 0.5 * self.seen_ratio * math::acos(least)
     }
 }
 

@@ -10,7 +10,7 @@ use super::beam::may_hide;
 use super::boundary::{Border, border};
 use super::chain::MAX_CHAIN_EDGES;
 use super::field::{FieldSample, Sight};
-use super::grid::{GRID_BITS, GridPoint};
+use super::grid::GridPoint;
 use super::interpolant::{Corners, Interpolant, Light, is_dark, misses};
 use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
@@ -33,6 +33,9 @@ const GUESSED_LEVELS: u32 = 3;
 /// Share of a torn cell's worth, lit all over, that its error is not taken to be below: the edge
 /// functions are extrapolated there.
 const TORN_SHARE: f64 = 0.1;
+/// Share of a dark cell's worth, lit all over, that it is held to be uncertain by while the first surface
+/// may be bent inside it more than at its corners.
+const BENT_SHARE: f64 = 0.1;
 /// A mesh of more triangles may be a blind or a comb; a cube has twelve.
 const SOLID_TRIANGLES: usize = 12;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
@@ -51,11 +54,6 @@ pub struct Place {
 }
 
 impl Place {
-    /// Side on the grid.
-    fn side(&self) -> u32 {
-        1u32 << (GRID_BITS - self.cell.level)
-    }
-
     /// Side in the domain.
     fn size(&self) -> f64 {
         self.cell.size()
@@ -63,7 +61,7 @@ impl Place {
 
     /// The grid point nearest to (a, b) of the cell.
     fn at(&self, a: f64, b: f64) -> GridPoint {
-        let to = |x: f64| (x * f64::from(self.side()) + 0.5) as u32;
+        let to = |x: f64| (x * f64::from(self.cell.side()) + 0.5) as u32;
         GridPoint { i: self.cell.i + to(a), j: self.cell.j + to(b) }
     }
 
@@ -104,6 +102,10 @@ impl Quadrature<'_, '_> {
             {
                 return Estimate { error: self.worth(word, lamp, place), ..Estimate::DARK };
             }
+            if why == Darkness::NoLight && self.hides(word, place) {
+                let error = BENT_SHARE * self.undivided(place);
+                return Estimate { error, ..Estimate::DARK };
+            }
             self.dark[place.term].add(place.cell, why);
             Estimate::DARK
         })
@@ -114,6 +116,15 @@ impl Quadrature<'_, '_> {
     fn is_total(&mut self, word: WordId, place: &Place) -> bool {
         let points = place.corners().into_iter().chain([place.at(0.5, 0.5)]);
         points.into_iter().any(|at| self.words.is_total(word, at))
+    }
+
+    /// Whether the first surface's normals may differ more inside the cell than at its corners.
+    fn hides(&mut self, word: WordId, place: &Place) -> bool {
+        let Some(criterion) = self.criteria.normal_variation else { return false };
+        let cone = self.words.normal_cone(word, place.cell);
+        let numbers = place.corners().map(|point| self.sample(place.term, point));
+        let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
+        criterion.hides(&corners, cone)
     }
 
     /// What an island in a cell could be worth if it were lit all over [W/m²], by the chains that are

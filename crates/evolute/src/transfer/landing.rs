@@ -43,6 +43,27 @@ impl Square {
         Self { level, i: at.i & inside, j: at.j & inside }
     }
 
+    /// The cell of a regular grid.
+    pub fn nth(level: u32, i: u32, j: u32) -> Self {
+        let side = 1u32 << (GRID_BITS - level);
+        Self { level, i: i * side, j: j * side }
+    }
+
+    /// Its four quarters.
+    pub fn children(self) -> [Self; 4] {
+        let half = self.side() / 2;
+        [(0, 0), (half, 0), (0, half), (half, half)].map(|(di, dj)| Self {
+            level: self.level + 1,
+            i: self.i + di,
+            j: self.j + dj,
+        })
+    }
+
+    /// Side on the grid.
+    pub fn side(&self) -> u32 {
+        1u32 << (GRID_BITS - self.level)
+    }
+
     /// One number for all.
     pub fn key(&self) -> u64 {
         self.corner().key() | (u64::from(self.level) << 58)

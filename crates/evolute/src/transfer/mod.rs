@@ -19,6 +19,7 @@ mod lamp;
 mod landing;
 mod polynomial;
 mod quadrature;
+mod scout;
 mod settings;
 mod shaft;
 mod specular;

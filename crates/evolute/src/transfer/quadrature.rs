@@ -12,7 +12,7 @@ use arrayvec::ArrayVec;
 use super::criteria::Criteria;
 use super::estimate::Place;
 use super::field::{DirectField, FieldSample, sample_through};
-use super::grid::{GRID_BITS, GridHasher, GridPoint};
+use super::grid::{GridHasher, GridPoint};
 use super::lamp::Lamp;
 use super::landing::{DarkCells, Square, Target};
 use super::settings::{Counts, WordShare};
@@ -154,10 +154,9 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         self.dark.push(DarkCells::default());
         self.sampled.push(HashMap::default());
         let n = 1u32 << first;
-        let step = 1u32 << (GRID_BITS - first);
         for i in 0..n {
             for j in 0..n {
-                self.place(index, Square { level: first, i: i * step, j: j * step }, tolerance);
+                self.place(index, Square::nth(first, i, j), tolerance);
             }
         }
     }
@@ -187,10 +186,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     }
 
     fn divide(&mut self, cell: &Cell, tolerance: f64) {
-        let Square { level, i, j } = cell.square;
-        let half = 1u32 << (GRID_BITS - level - 1);
-        for (di, dj) in [(0, 0), (half, 0), (0, half), (half, half)] {
-            let child = Square { level: level + 1, i: i + di, j: j + dj };
+        for child in cell.square.children() {
             self.place(cell.term, child, tolerance);
         }
     }

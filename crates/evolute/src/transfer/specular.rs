@@ -9,6 +9,7 @@ use super::domain::Domain;
 use super::field::DirectField;
 use super::grid::{GRID_BITS, GridPoint};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
+use super::scout::scout;
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
 use super::unseen::{Brake, Unseen, UnseenParts};
@@ -293,6 +294,9 @@ impl<'s> Transfer<'s> {
             grid(first).for_each(|at| {
                 quadrature.words.departure(word, at);
             });
+        }
+        if !coarse && self.settings.criteria.matching_trees.is_some() {
+            scout(&mut quadrature.words, word, first);
         }
         self.continued(quadrature, word, left)
     }
