@@ -230,22 +230,30 @@ impl<'s> Tracer<'s> {
     /// primitive; false, and no more than `limit` of them in `out`, if there are more.
     pub fn occluders_in(&self, bounds: &Aabb, out: &mut Vec<(ShapeId, u32)>, limit: usize) -> bool {
         out.clear();
-        let mut complete = true;
-        self.hierarchy.within(bounds, |leaf| {
-            let triangles = self.triangles_of(leaf).map(|t| (t.shape, t.primitive));
-            for (shape, i) in triangles.chain(self.others_of(leaf).iter().copied()) {
-                if primitive_bounds(self.surface(shape), i).overlaps(bounds) {
-                    complete = out.len() < limit;
-                    if !complete {
-                        return true;
-                    }
-                    out.push((ShapeId(shape), i));
-                }
+        let more = self.any_in(bounds, |shape, primitive| {
+            let full = out.len() == limit;
+            if !full {
+                out.push((shape, primitive));
             }
-            false
+            full
         });
         out.sort_unstable();
-        complete
+        !more
+    }
+
+    /// Whether `holds` of any primitive whose box overlaps `bounds`; asked in no particular order.
+    pub fn any_in(&self, bounds: &Aabb, mut holds: impl FnMut(ShapeId, u32) -> bool) -> bool {
+        let mut any = false;
+        self.hierarchy.within(bounds, |leaf| {
+            let triangles = self.triangles_of(leaf).map(|t| (t.shape, t.primitive));
+            any =
+                triangles.chain(self.others_of(leaf).iter().copied()).any(|(shape, primitive)| {
+                    primitive_bounds(self.surface(shape), primitive).overlaps(bounds)
+                        && holds(ShapeId(shape), primitive)
+                });
+            any
+        });
+        any
     }
 
     fn surface(&self, shape: u32) -> &'s Surface {

@@ -119,7 +119,8 @@ impl NormalVariation {
     pub fn hides(&self, corners: &[Option<&FieldSample>; 4], cone: f64) -> bool {
         let mut least = 1f64;
         for (i, p) in corners.iter().enumerate() {
-            for (p, q) in p.iter().flat_map(|p| corners[..i].iter().flatten().map(move |q| (p, q))) {
+            for (p, q) in p.iter().flat_map(|p| corners[..i].iter().flatten().map(move |q| (p, q)))
+            {
                 least = least.min(p.normal.dot(&q.normal));
             }
         }
