@@ -392,8 +392,14 @@ impl Hierarchy {
         }
     }
 
-    /// Visits the leaves whose boxes overlap `b` until `visit` returns true.
-    pub fn within(&self, b: &Aabb, mut visit: impl FnMut(Leaf) -> bool) {
+    /// Visits the leaves whose boxes overlap `b` until `visit` returns true; what lies in a box of which
+    /// `keep` does not hold is passed over.
+    pub fn within(
+        &self,
+        b: &Aabb,
+        keep: impl Fn(&Aabb) -> bool,
+        mut visit: impl FnMut(Leaf) -> bool,
+    ) {
         let Some(root) = self.root else { return };
         let [min, max] = self.local_box(b).map(|corner| corner.map(f32x8::splat));
         let mut stack = Stack::new();
@@ -412,10 +418,23 @@ impl Hierarchy {
                 mask &= min[axis].simd_le(node.planes[axis][1]).to_bitmask();
             }
             while mask != 0 {
-                stack.push((0.0, node.children[mask.trailing_zeros() as usize]));
+                let k = mask.trailing_zeros() as usize;
+                if keep(&self.world_box(node, k)) {
+                    stack.push((0.0, node.children[k]));
+                }
                 mask &= mask - 1;
             }
         }
+    }
+
+    /// The box of a node's child in the world frame, to single precision.
+    fn world_box(&self, node: &Node, child: usize) -> Aabb {
+        let corner = |side: usize| {
+            Point3::from(std::array::from_fn(|i| {
+                f64::from(node.planes[i][side].as_array()[child]) / self.scale + self.centre[i]
+            }))
+        };
+        Aabb { min: corner(0), max: corner(1) }
     }
 }
 

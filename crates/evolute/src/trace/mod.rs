@@ -191,23 +191,27 @@ impl<'s> Tracer<'s> {
         let mut add = |shape: u32, point: Option<SurfacePoint>| {
             found.extend(point.map(|point| Anchor { shape: ShapeId(shape), point }));
         };
-        self.hierarchy.within(&around, |leaf| {
-            for t in self.triangles_of(leaf) {
-                if let Some(m) = mesh_of(self.surface(t.shape)) {
-                    add(t.shape, m.locate_on(t.primitive, x));
+        self.hierarchy.within(
+            &around,
+            |_| true,
+            |leaf| {
+                for t in self.triangles_of(leaf) {
+                    if let Some(m) = mesh_of(self.surface(t.shape)) {
+                        add(t.shape, m.locate_on(t.primitive, x));
+                    }
                 }
-            }
-            for &(shape, i) in self.others_of(leaf) {
-                add(
-                    shape,
-                    match self.surface(shape) {
-                        Surface::Mesh(m) => m.locate_on(i, x),
-                        s => s.locate(x),
-                    },
-                );
-            }
-            false
-        });
+                for &(shape, i) in self.others_of(leaf) {
+                    add(
+                        shape,
+                        match self.surface(shape) {
+                            Surface::Mesh(m) => m.locate_on(i, x),
+                            s => s.locate(x),
+                        },
+                    );
+                }
+                false
+            },
+        );
         found.sort_by_key(|a| (a.shape, a.point.primitive));
         let mut contacts: ArrayVec<Anchor, 8> = ArrayVec::new();
         for anchor in found {
@@ -230,21 +234,31 @@ impl<'s> Tracer<'s> {
     /// primitive; false, and no more than `limit` of them in `out`, if there are more.
     pub fn occluders_in(&self, bounds: &Aabb, out: &mut Vec<(ShapeId, u32)>, limit: usize) -> bool {
         out.clear();
-        let more = self.any_in(bounds, |shape, primitive| {
-            let full = out.len() == limit;
-            if !full {
-                out.push((shape, primitive));
-            }
-            full
-        });
+        let more = self.any_in(
+            bounds,
+            |_| true,
+            |shape, primitive| {
+                let full = out.len() == limit;
+                if !full {
+                    out.push((shape, primitive));
+                }
+                full
+            },
+        );
         out.sort_unstable();
         !more
     }
 
-    /// Whether `holds` of any primitive whose box overlaps `bounds`; asked in no particular order.
-    pub fn any_in(&self, bounds: &Aabb, mut holds: impl FnMut(ShapeId, u32) -> bool) -> bool {
+    /// Whether `holds` of any primitive whose box overlaps `bounds`; asked in no particular order, and not
+    /// of those in boxes of which `keep` does not hold.
+    pub fn any_in(
+        &self,
+        bounds: &Aabb,
+        keep: impl Fn(&Aabb) -> bool,
+        mut holds: impl FnMut(ShapeId, u32) -> bool,
+    ) -> bool {
         let mut any = false;
-        self.hierarchy.within(bounds, |leaf| {
+        self.hierarchy.within(bounds, keep, |leaf| {
             let triangles = self.triangles_of(leaf).map(|t| (t.shape, t.primitive));
             any =
                 triangles.chain(self.others_of(leaf).iter().copied()).any(|(shape, primitive)| {

@@ -14,7 +14,8 @@ use super::grid::GridPoint;
 use super::interpolant::{Corners, Interpolant, Light, is_dark, misses};
 use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
-use super::quadrature::{LAST_LEVEL, Quadrature, Term};
+use super::quadrature::{FIRST_LEVEL, LAST_LEVEL, Quadrature, Term};
+use super::scout::Beam;
 use super::word::WordId;
 use crate::geometry::Rgb;
 use crate::optics::Dual;
@@ -33,9 +34,11 @@ const GUESSED_LEVELS: u32 = 3;
 /// Share of a torn cell's worth, lit all over, that its error is not taken to be below: the edge
 /// functions are extrapolated there.
 const TORN_SHARE: f64 = 0.1;
-/// Share of a dark cell's worth, lit all over, that it is held to be uncertain by while the first surface
-/// may be bent inside it more than at its corners.
-const BENT_SHARE: f64 = 0.1;
+/// Share of a dark cell's worth, lit all over, that counts as its error while no proof speaks for the
+/// darkness between its corners.
+const DOUBT_SHARE: f64 = 0.1;
+/// Of chains that turn by more than this over a cell [rad], those that exist say nothing of others.
+const TRUSTED_TURN: f64 = 0.5;
 /// A mesh of more triangles may be a blind or a comb; a cube has twelve.
 const SOLID_TRIANGLES: usize = 12;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
@@ -102,8 +105,7 @@ impl Quadrature<'_, '_> {
             {
                 return Estimate { error: self.worth(word, lamp, place), ..Estimate::DARK };
             }
-            if why == Darkness::NoLight && self.hides(word, place) {
-                let error = BENT_SHARE * self.undivided(place);
+            if let Some(error) = self.doubt(word, lamp, place, why) {
                 return Estimate { error, ..Estimate::DARK };
             }
             self.dark[place.term].add(place.cell, why);
@@ -118,13 +120,36 @@ impl Quadrature<'_, '_> {
         points.into_iter().any(|at| self.words.is_total(word, at))
     }
 
-    /// Whether the first surface's normals may differ more inside the cell than at its corners.
-    fn hides(&mut self, word: WordId, place: &Place) -> bool {
-        let Some(criterion) = self.criteria.normal_variation else { return false };
-        let cone = self.words.normal_cone(word, place.cell);
+    /// What a dark cell may be worth where its corners tell too little [W/m²]: the first surface may be
+    /// bent more inside it, the chains that exist turn too fast to tell of those that do not, or the last
+    /// letter stands in the beam and no chain is known to meet it.
+    fn doubt(&mut self, word: WordId, lamp: usize, place: &Place, why: Darkness) -> Option<f64> {
         let numbers = place.corners().map(|point| self.sample(place.term, point));
         let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
-        criterion.hides(&corners, cone)
+        let is_real = corners.iter().flatten().any(|s| s.legal);
+        if let Some(criterion) = self.criteria.normal_variation
+            && why == Darkness::NoLight
+            && criterion.hides(&corners, self.words.normal_cone(word, place.cell))
+        {
+            return Some(DOUBT_SHARE * self.undivided(place));
+        }
+        let turns = |s: &&FieldSample| s.legal && s.turning * place.size() > TRUSTED_TURN;
+        let torn = self.words.is_guessed(word) && corners.iter().any(Option::is_none);
+        if torn && corners.iter().flatten().any(turns) {
+            return Some(DOUBT_SHARE * self.undivided(place));
+        }
+        let parent = self.words.parent(word).filter(|_| !is_real)?;
+
+        let letter = self.words.letter(word);
+        // Boxes around the pieces of a surface close to the start say little.
+        let again = self.words.letter(parent).shape == letter.shape;
+        if again && place.cell.level >= FIRST_LEVEL + GUESSED_LEVELS {
+            return None;
+        }
+        let beam = Beam::of(&mut self.words, parent, place.cell)?;
+        let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
+        beam.may_meet(self.words.scene(), self.words.tracer(), letter)
+            .then_some(DOUBT_SHARE * whole)
     }
 
     /// What an island in a cell could be worth if it were lit all over [W/m²], by the chains that are

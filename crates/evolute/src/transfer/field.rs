@@ -51,6 +51,8 @@ pub struct FieldSample {
     pub normal: Vector3,
     /// Direction of the last leg.
     pub direction: Vector3,
+    /// How fast the last leg turns [rad] per unit of (a, b).
+    pub turning: f64,
     /// Direction of the first leg.
     pub first_direction: Vector3,
     /// What the last leg meets.
@@ -142,6 +144,7 @@ impl<'s> DirectField<'s> {
             blocker: None,
             normal: first.n.v,
             direction: first.d.v,
+            turning: first.d.a.norm() + first.d.b.norm(),
             first_direction: first.d.v,
             next: Some(self.shape),
         })
@@ -181,6 +184,7 @@ pub fn sample_through(
         blocker,
         normal: departure.first_normal,
         direction: departure.ray.d.v,
+        turning: departure.ray.d.a.norm() + departure.ray.d.b.norm(),
         first_direction: departure.first_direction,
         next: departure.next.map(|h| h.anchor.shape),
     })

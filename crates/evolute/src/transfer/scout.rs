@@ -1,25 +1,25 @@
-//! What chains may meet between the points of a first grid.
+//! What the last legs of a cell's chains may meet, beyond what those at its corners are seen to meet.
 //!
-//! A word's next letters are learnt from what its chains meet. A body in the beam of a cell that no
-//! corner's chain meets would be missed: cells of which a proof does not keep such bodies out are
-//! divided a few times, and chains traced there.
+//! A word's next letters are learnt from what its chains meet, and a word's cell in which no chain is known
+//! is dark. A body in the beam between the corners' legs would be missed: cells of which a proof does not
+//! keep it out are divided a few times in search of new letters, and are not held dark for known ones.
 //!
-//! Limit: a body that is still smaller than a cell after these divisions may be missed.
+//! Limit: chains inside a cell may leave the hull of those at its corners by a curved mirror's bend.
 
 use arrayvec::ArrayVec;
 
+use super::extension::facet_of;
 use super::grid::GridPoint;
-use super::landing::Square;
+use super::landing::{Square, Target};
 use super::shaft::{Body, Shaft};
 use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3};
-use crate::scene::ShapeId;
+use crate::scene::{Scene, ShapeId};
 use crate::surface::Surface;
+use crate::trace::Tracer;
 
-/// Divisions of the first grid's cells.
+/// Divisions of the first grid's cells in search of letters.
 const SCOUTED_LEVELS: u32 = 3;
-/// Most primitives that are looked at one by one in a beam's box; beyond, the grid decides.
-const MAX_SUSPECTS: usize = 10_000;
 
 /// Traces chains of a word in the cells of its first grid through which a specular surface may be met
 /// that none of their corners' chains meets.
@@ -31,7 +31,8 @@ pub fn scout(words: &mut Words<'_>, word: WordId, first: u32) {
 }
 
 fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32) {
-    if !may_meet_more(words, word, cell) || cell.level == last {
+    let beam = Beam::of(words, word, cell);
+    if cell.level == last || !beam.is_some_and(|b| b.may_meet_more(words.scene(), words.tracer())) {
         return;
     }
     for child in cell.children() {
@@ -39,49 +40,94 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32) {
     }
 }
 
-/// Whether the last legs of a cell's chains may meet a specular surface that those at its corners do not
-/// meet.
-fn may_meet_more(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
-    let parent = words.parent(word);
-    let reach = words.tracer().bounds().diagonal();
-    let (mut starts, mut ends) = (ArrayVec::<Point3, 4>::new(), ArrayVec::<Point3, 4>::new());
-    let mut known: ArrayVec<ShapeId, 4> = ArrayVec::new();
-    let mut from = None;
-    for at in around(cell) {
-        // Where the word before is not, this one is not either.
-        if !parent.is_none_or(|parent| words.is_legal(parent, at)) {
-            continue;
-        }
-        let Some(departure) = words.departure(word, at).filter(|d| d.is_legal()) else { continue };
-        let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
-        starts.push(o);
-        ends.push(departure.next.map_or(o + d * reach, |hit| hit.anchor.point.x));
-        known.extend(departure.next.map(|hit| hit.anchor.shape));
-        from = Some(departure.anchor.shape);
-    }
-    if starts.is_empty() {
-        return false;
-    }
-    let scene = words.scene();
-    let start = Aabb::around(starts.iter().copied());
-    let start = start.grown(start.diagonal());
-    let shaft = Shaft::between(&starts, &ends);
-    let bounds = Aabb::around(starts.iter().chain(&ends).copied());
-    let mut asked = 0;
-    words.tracer().any_in(&bounds, |shape, primitive| {
-        // A surface may be met again where it turns towards itself, away from the start.
-        let again = || match &scene.shape(shape).surface {
-            Surface::Parametric(p) => !p.leaf_bounds(primitive as usize).overlaps(&start),
-            Surface::Mesh(m) => !m.triangle_bounds(primitive).overlaps(&start),
-            _ => false,
+/// The last legs of the legal chains at the corners of a cell.
+pub struct Beam {
+    /// Where they leave the last surface [m].
+    starts: ArrayVec<Point3, 4>,
+    /// Where they meet something [m], or beyond all bounds.
+    ends: ArrayVec<Point3, 4>,
+    from: ShapeId,
+    /// What they meet.
+    known: ArrayVec<ShapeId, 4>,
+    /// The largest irradiance per unit of radiance and of the domain's area that a corner's chain carries
+    /// [sr].
+    pub most: f64,
+}
+
+impl Beam {
+    /// The beam of a word's chains in a cell; `None` if none of its corners' is legal.
+    pub fn of(words: &mut Words<'_>, word: WordId, cell: Square) -> Option<Self> {
+        let parent = words.parent(word);
+        let reach = words.tracer().bounds().diagonal();
+        let from = words.letters(word).last()?.shape;
+        let mut beam = Self {
+            starts: ArrayVec::new(),
+            ends: ArrayVec::new(),
+            from,
+            known: ArrayVec::new(),
+            most: 0.0,
         };
-        asked += 1;
-        asked <= MAX_SUSPECTS
-            && scene.shape(shape).material.is_specular()
-            && !known.contains(&shape)
-            && (from != Some(shape) || again())
-            && !shaft.excludes(&Body::of(scene, shape, primitive).0)
-    })
+        for at in around(cell) {
+            // Where the word before is not, this one is not either.
+            if !parent.is_none_or(|parent| words.is_legal(parent, at)) {
+                continue;
+            }
+            let departure = words.departure(word, at).filter(|d| d.is_legal());
+            let Some(departure) = departure else { continue };
+            let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
+            beam.starts.push(o);
+            beam.ends.push(departure.next.map_or(o + d * reach, |hit| hit.anchor.point.x));
+            beam.known.extend(departure.next.map(|hit| hit.anchor.shape));
+            beam.most = beam.most.max(departure.weight.v.abs() * departure.lossless_throughput());
+        }
+        (!beam.starts.is_empty()).then_some(beam)
+    }
+
+    /// Whether a surface may be met as the last letter of a word that follows.
+    pub fn may_meet(&self, scene: &Scene, tracer: &Tracer<'_>, letter: Target) -> bool {
+        self.may_meet_any(scene, tracer, |shape, primitive| {
+            let facet = || match &scene.shape(shape).surface {
+                Surface::Mesh(m) => Some(facet_of(m, primitive).id),
+                _ => None,
+            };
+            shape == letter.shape && letter.primitive.is_none_or(|k| facet() == Some(k))
+        })
+    }
+
+    /// Whether a specular surface may be met that no corner's leg meets.
+    fn may_meet_more(&self, scene: &Scene, tracer: &Tracer<'_>) -> bool {
+        self.may_meet_any(scene, tracer, |shape, _| {
+            scene.shape(shape).material.is_specular() && !self.known.contains(&shape)
+        })
+    }
+
+    fn may_meet_any(
+        &self,
+        scene: &Scene,
+        tracer: &Tracer<'_>,
+        wanted: impl Fn(ShapeId, u32) -> bool,
+    ) -> bool {
+        let start = Aabb::around(self.starts.iter().copied());
+        let start = start.grown(start.diagonal());
+        let shaft = Shaft::between(&self.starts, &self.ends);
+        let bounds = Aabb::around(self.starts.iter().chain(&self.ends).copied());
+        tracer.any_in(
+            &bounds,
+            |b| !shaft.keeps_out(b),
+            |shape, primitive| {
+                // A surface may be met again where it turns towards itself, away from the start.
+                let is_away =
+                    |b: &Aabb| (shape != self.from || !b.overlaps(&start)) && !shaft.keeps_out(b);
+                wanted(shape, primitive)
+                    && match &scene.shape(shape).surface {
+                        Surface::Parametric(p) => is_away(&p.leaf_bounds(primitive as usize)),
+                        Surface::Mesh(m) => is_away(&m.triangle_bounds(primitive)),
+                        _ => shape != self.from,
+                    }
+                    && !shaft.excludes(&Body::of(scene, shape, primitive).0)
+            },
+        )
+    }
 }
 
 /// The corners of a cell, in order around it.

@@ -13,7 +13,8 @@ pub const MAX_CORNERS: usize = 8;
 /// The convex hull of a receiver and a convex polygon, or of two quadrilaterals.
 pub struct Shaft {
     points: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
-    normals: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
+    /// Normals of the faces, and the shaft's extent along each.
+    faces: ArrayVec<(Vector3, f64, f64), { MAX_CORNERS + 1 }>,
     edges: ArrayVec<Vector3, { 2 * MAX_CORNERS }>,
     slack: f64,
 }
@@ -64,7 +65,7 @@ impl Shaft {
         let a = apex.coords;
         let n = corners.len().min(MAX_CORNERS);
         let mut points = ArrayVec::new();
-        let mut normals = ArrayVec::new();
+        let mut normals = ArrayVec::<_, { MAX_CORNERS + 1 }>::new();
         let mut edges = ArrayVec::new();
         points.push(a);
         for k in 0..n {
@@ -77,16 +78,14 @@ impl Shaft {
         if n >= 3 {
             normals.push((corners[1] - corners[0]).cross(&(corners[2] - corners[0])));
         }
-        // Touching is no crossing: rounding moves a projection by a few ulps of the coordinates.
-        let size = points.iter().fold(0f64, |m, p: &Vector3| m.max(p.norm()));
-        Self { points, normals, edges, slack: 1e-13 * size }
+        Self::of(points, &normals, edges)
     }
 
     /// From one quadrilateral to another, corner by corner.
     pub fn between(starts: &[Point3], ends: &[Point3]) -> Self {
         let n = starts.len().min(ends.len()).min(MAX_CORNERS / 2);
-        let (mut points, mut normals, mut edges) =
-            (ArrayVec::new(), ArrayVec::new(), ArrayVec::new());
+        let (mut points, mut edges) = (ArrayVec::new(), ArrayVec::new());
+        let mut normals = ArrayVec::<_, { MAX_CORNERS + 1 }>::new();
         for k in 0..n {
             let (p, q) = (starts[k], starts[(k + 1) % n]);
             let (x, y) = (ends[k], ends[(k + 1) % n]);
@@ -101,8 +100,34 @@ impl Shaft {
                 normals.push((corners[1] - corners[0]).cross(&(corners[2] - corners[0])));
             }
         }
+        Self::of(points, &normals, edges)
+    }
+
+    fn of(
+        points: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
+        normals: &[Vector3],
+        edges: ArrayVec<Vector3, { 2 * MAX_CORNERS }>,
+    ) -> Self {
+        // Touching is no crossing: rounding moves a projection by a few ulps of the coordinates.
         let size = points.iter().fold(0f64, |m, p: &Vector3| m.max(p.norm()));
-        Self { points, normals, edges, slack: 1e-13 * size }
+        let slack = 1e-13 * size;
+        let face = |axis: &Vector3| {
+            let (low, high) = extent(&points, axis);
+            let slack = slack * axis.norm();
+            (*axis, low + slack, high - slack)
+        };
+        // Corners that coincide span no face.
+        let faces = normals.iter().filter(|n| n.norm_squared() > 0.0).map(face).collect();
+        Self { points, faces, edges, slack }
+    }
+
+    /// Whether a face of the shaft keeps a box out: quicker than a proof by all axes, and weaker.
+    pub fn keeps_out(&self, b: &Aabb) -> bool {
+        let (centre, half) = (b.centre().coords, b.max - b.centre());
+        self.faces.iter().any(|(axis, low, high)| {
+            let (at, reach) = (centre.dot(axis), half.dot(&axis.abs()));
+            at - reach >= *high || at + reach <= *low
+        })
     }
 
     /// Whether the body and the inside of the shaft certainly have no point in common.
@@ -124,10 +149,10 @@ impl Shaft {
                     let slack = self.slack * axis.norm();
                     from >= high - slack || to <= low + slack
                 };
-                self.normals.iter().any(separates)
-                    || (own_edges.len() == 3
-                        && points.len() == 8
-                        && own_edges.iter().any(separates))
+                self.faces.iter().any(|(axis, low, high)| {
+                    let (from, to) = extent(points, axis);
+                    from >= *high || to <= *low
+                }) || (own_edges.len() == 3 && points.len() == 8 && own_edges.iter().any(separates))
                     || (points.len() < 8 && separates(&own_edges[0].cross(&own_edges[1])))
                     || self.edges.iter().any(|e| {
                         own_edges.iter().any(|f| {
@@ -144,7 +169,7 @@ impl Shaft {
                     length > 0.0 && (at - radius * length >= high || at + radius * length <= low)
                 };
                 // Faces, edges (the plane through an edge that faces the centre) and corners.
-                self.normals.iter().any(separates)
+                self.faces.iter().any(|(axis, ..)| separates(axis))
                     || self.points.iter().any(|p| separates(&(centre - p)))
                     || self.points.iter().enumerate().any(|(k, p)| {
                         self.points[..k].iter().any(|q| {

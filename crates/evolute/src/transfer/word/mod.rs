@@ -318,7 +318,7 @@ impl<'s> Words<'s> {
     }
 
     /// Where the last letter of a word is.
-    fn letter(&self, word: WordId) -> Target {
+    pub fn letter(&self, word: WordId) -> Target {
         self.words[word.0 as usize].step.target()
     }
 
