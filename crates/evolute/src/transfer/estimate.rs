@@ -103,7 +103,11 @@ impl Quadrature<'_, '_> {
             if (why == Darkness::NoChain && self.words.is_met_from(word, place.cell))
                 || self.words.reaches_from(word, target, place.cell)
             {
-                return Estimate { error: self.worth(word, lamp, place), ..Estimate::DARK };
+                let error = self.worth(word, lamp, place);
+                if error == 0.0 {
+                    self.dark[place.term].add(place.cell, Darkness::NoLight);
+                }
+                return Estimate { error, ..Estimate::DARK };
             }
             if let Some(error) = self.doubt(word, lamp, place, why) {
                 return Estimate { error, ..Estimate::DARK };

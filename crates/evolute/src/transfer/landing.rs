@@ -95,12 +95,12 @@ impl Landings {
         self.inside(target, cell).next().is_some()
     }
 
-    /// Up to `count` points of the cell from which the target was met.
+    /// Up to `count` points, spread over the cell, from which the target was met.
     pub fn from(&self, target: Target, cell: Square, count: usize) -> Vec<GridPoint> {
-        self.inside(target, cell).take(count).collect()
+        spread_over(self.inside(target, cell), count)
     }
 
-    fn inside(&self, target: Target, cell: Square) -> impl Iterator<Item = GridPoint> + '_ {
+    fn inside(&self, target: Target, cell: Square) -> impl Iterator<Item = GridPoint> + Clone + '_ {
         let from = along_curve(cell.corner());
         let to = from + (1u64 << (2 * (GRID_BITS - cell.level)));
         self.0.range((target, from)..(target, to)).map(|(_, code)| point(*code))
@@ -117,8 +117,7 @@ impl Landings {
 
     /// Up to `count` points, spread over the domain, from which the target was met.
     pub fn some(&self, target: Target, count: usize) -> Vec<GridPoint> {
-        let stride = self.of(target).count().div_ceil(count.max(1)).max(1);
-        self.of(target).step_by(stride).collect()
+        spread_over(self.of(target), count)
     }
 
     /// How many points of the regular grid of a level the target was met from, and which share of all
@@ -133,7 +132,7 @@ impl Landings {
         (regular, f64::from(all) / self.0.len().max(1) as f64)
     }
 
-    fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + '_ {
+    fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + Clone + '_ {
         self.0.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| point(*code))
     }
 }
@@ -170,6 +169,12 @@ impl DarkCells {
         self.0.remove(&found.key());
         Some(found)
     }
+}
+
+/// Up to `count` of some points, evenly spaced among them.
+fn spread_over(points: impl Iterator<Item = GridPoint> + Clone, count: usize) -> Vec<GridPoint> {
+    let stride = points.clone().count().div_ceil(count.max(1)).max(1);
+    points.step_by(stride).collect()
 }
 
 /// Number of a grid point along a Z-shaped curve, which runs through each cell in one piece.
