@@ -146,7 +146,8 @@ impl Quadrature<'_, '_> {
 
         let letter = self.words.letter(word);
         // Boxes around the pieces of a surface close to the start say little.
-        let again = self.words.letter(parent).shape == letter.shape;
+        let before = self.words.letter(parent);
+        let again = (before.shape, before.primitive) == (letter.shape, letter.primitive);
         if again && place.cell.level >= FIRST_LEVEL + GUESSED_LEVELS {
             return None;
         }

@@ -32,6 +32,14 @@ pub fn is_faceted(mesh: &Mesh) -> bool {
     mesh.normals().is_none() && mesh.triangles().len() <= 64
 }
 
+/// The number of the facet that a primitive belongs to, if the surface is a faceted mesh.
+pub fn facet(surface: &Surface, primitive: u32) -> Option<u32> {
+    match surface {
+        Surface::Mesh(m) if is_faceted(m) => Some(facet_of(m, primitive).id),
+        _ => None,
+    }
+}
+
 /// A flat piece of a faceted mesh: a triangle, or two that make a parallelogram.
 #[derive(Clone, Copy, Debug)]
 pub struct Facet {

@@ -8,7 +8,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::extension::facet_of;
+use super::extension::facet;
 use super::grid::GridPoint;
 use super::landing::{Square, Target};
 use super::shaft::{Body, Shaft};
@@ -40,15 +40,18 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32) {
     }
 }
 
+/// A surface, or one facet of it.
+type Piece = (ShapeId, Option<u32>);
+
 /// The last legs of the legal chains at the corners of a cell.
 pub struct Beam {
     /// Where they leave the last surface [m].
     starts: ArrayVec<Point3, 4>,
     /// Where they meet something [m], or beyond all bounds.
     ends: ArrayVec<Point3, 4>,
-    from: ShapeId,
+    from: Piece,
     /// What they meet.
-    known: ArrayVec<ShapeId, 4>,
+    known: ArrayVec<Piece, 4>,
     /// The largest irradiance per unit of radiance and of the domain's area that a corner's chain carries
     /// [sr].
     pub most: f64,
@@ -58,8 +61,10 @@ impl Beam {
     /// The beam of a word's chains in a cell; `None` if none of its corners' is legal.
     pub fn of(words: &mut Words<'_>, word: WordId, cell: Square) -> Option<Self> {
         let parent = words.parent(word);
-        let reach = words.tracer().bounds().diagonal();
-        let from = words.letters(word).last()?.shape;
+        let (scene, reach) = (words.scene(), words.tracer().bounds().diagonal());
+        let piece = |shape, primitive| (shape, facet(&scene.shape(shape).surface, primitive));
+        let from = words.letter(word);
+        let from = (from.shape, from.primitive);
         let mut beam = Self {
             starts: ArrayVec::new(),
             ends: ArrayVec::new(),
@@ -77,7 +82,8 @@ impl Beam {
             let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
             beam.starts.push(o);
             beam.ends.push(departure.next.map_or(o + d * reach, |hit| hit.anchor.point.x));
-            beam.known.extend(departure.next.map(|hit| hit.anchor.shape));
+            let met = departure.next.map(|hit| hit.anchor);
+            beam.known.extend(met.map(|a| piece(a.shape, a.point.primitive)));
             beam.most = beam.most.max(departure.weight.v.abs() * departure.lossless_throughput());
         }
         (!beam.starts.is_empty()).then_some(beam)
@@ -85,19 +91,13 @@ impl Beam {
 
     /// Whether a surface may be met as the last letter of a word that follows.
     pub fn may_meet(&self, scene: &Scene, tracer: &Tracer<'_>, letter: Target) -> bool {
-        self.may_meet_any(scene, tracer, |shape, primitive| {
-            let facet = || match &scene.shape(shape).surface {
-                Surface::Mesh(m) => Some(facet_of(m, primitive).id),
-                _ => None,
-            };
-            shape == letter.shape && letter.primitive.is_none_or(|k| facet() == Some(k))
-        })
+        self.may_meet_any(scene, tracer, |met| met == (letter.shape, letter.primitive))
     }
 
     /// Whether a specular surface may be met that no corner's leg meets.
     fn may_meet_more(&self, scene: &Scene, tracer: &Tracer<'_>) -> bool {
-        self.may_meet_any(scene, tracer, |shape, _| {
-            scene.shape(shape).material.is_specular() && !self.known.contains(&shape)
+        self.may_meet_any(scene, tracer, |met| {
+            scene.shape(met.0).material.is_specular() && !self.known.contains(&met)
         })
     }
 
@@ -105,7 +105,7 @@ impl Beam {
         &self,
         scene: &Scene,
         tracer: &Tracer<'_>,
-        wanted: impl Fn(ShapeId, u32) -> bool,
+        wanted: impl Fn(Piece) -> bool,
     ) -> bool {
         let start = Aabb::around(self.starts.iter().copied());
         let start = start.grown(start.diagonal());
@@ -115,14 +115,18 @@ impl Beam {
             &bounds,
             |b| !shaft.keeps_out(b),
             |shape, primitive| {
-                // A surface may be met again where it turns towards itself, away from the start.
+                let surface = &scene.shape(shape).surface;
+                let met = (shape, facet(surface, primitive));
+                // A curved surface may be met again where it turns towards itself, away from the start.
                 let is_away =
-                    |b: &Aabb| (shape != self.from || !b.overlaps(&start)) && !shaft.keeps_out(b);
-                wanted(shape, primitive)
-                    && match &scene.shape(shape).surface {
+                    |b: &Aabb| !(met == self.from && b.overlaps(&start)) && !shaft.keeps_out(b);
+                wanted(met)
+                    && match surface {
                         Surface::Parametric(p) => is_away(&p.leaf_bounds(primitive as usize)),
-                        Surface::Mesh(m) => is_away(&m.triangle_bounds(primitive)),
-                        _ => shape != self.from,
+                        Surface::Mesh(m) if met.1.is_none() => {
+                            is_away(&m.triangle_bounds(primitive))
+                        }
+                        _ => met != self.from,
                     }
                     && !shaft.excludes(&Body::of(scene, shape, primitive).0)
             },

@@ -9,7 +9,7 @@ use crate::optics::{Dual, DualRay};
 use crate::surface::{Surface, SurfacePoint};
 use crate::trace::{Anchor, Hit};
 use crate::transfer::chain::{Arrival, Departure, Step, Visibility, depart, events};
-use crate::transfer::extension::{facet_of, is_faceted, meet};
+use crate::transfer::extension::{facet, meet};
 use crate::transfer::grid::GridPoint;
 use crate::transfer::lamp::{outlined, part_of};
 use crate::transfer::landing::Target;
@@ -66,7 +66,7 @@ impl Words<'_> {
             landed(Target { shape: hit.anchor.shape, primitive, front, lamp: true });
         }
         if specular {
-            let primitive = facet(&shape.surface, &hit.anchor);
+            let primitive = facet(&shape.surface, hit.anchor.point.primitive);
             landed(Target { shape: hit.anchor.shape, primitive, front, lamp: false });
             for event in events(&shape.material, front) {
                 let step = Step {
@@ -92,7 +92,7 @@ impl Words<'_> {
         let surface = &scene.shape(hit.anchor.shape).surface;
         let local = surface.local(&hit.anchor.point)?;
         let front = departure.ray.d.v.dot(&local.ng) < 0.0;
-        let primitive = facet(surface, &hit.anchor);
+        let primitive = facet(surface, hit.anchor.point.primitive);
         Some(Target { shape: hit.anchor.shape, primitive, front, lamp: false })
     }
 
@@ -198,13 +198,5 @@ impl Words<'_> {
             arrival.push_edge(if step.front { -facing } else { facing });
         }
         Some(arrival)
-    }
-}
-
-/// The triangle, if each triangle of the surface is a mirror of its own.
-fn facet(surface: &Surface, anchor: &Anchor) -> Option<u32> {
-    match surface {
-        Surface::Mesh(m) if is_faceted(m) => Some(facet_of(m, anchor.point.primitive).id),
-        _ => None,
     }
 }
