@@ -34,7 +34,7 @@ impl Words<'_> {
             let next = self.tracer.nearest(&ray, f64::INFINITY, &[departure.anchor]);
             departure.next = next;
             if let Some(hit) = next {
-                let legal = departure.edges.iter().all(|e| e.v > 0.0);
+                let legal = departure.is_legal();
                 self.discover(word, at, &departure.ray, &hit, legal);
             }
         }
