@@ -82,12 +82,21 @@ impl Square {
 
 /// Landings of one word's chains.
 #[derive(Default)]
-pub struct Landings(BTreeSet<(Target, u64)>);
+pub struct Landings {
+    met: BTreeSet<(Target, u64)>,
+    /// From where legal chains met neither a letter nor a lamp.
+    nothing: BTreeSet<u64>,
+}
 
 impl Landings {
     /// Notes a landing.
     pub fn add(&mut self, target: Target, at: GridPoint) {
-        self.0.insert((target, along_curve(at)));
+        self.met.insert((target, along_curve(at)));
+    }
+
+    /// Notes a legal chain that met neither a letter nor a lamp.
+    pub fn add_nothing(&mut self, at: GridPoint) {
+        self.nothing.insert(along_curve(at));
     }
 
     /// Whether a chain from inside the cell met the target.
@@ -103,14 +112,14 @@ impl Landings {
     fn inside(&self, target: Target, cell: Square) -> impl Iterator<Item = GridPoint> + Clone + '_ {
         let from = along_curve(cell.corner());
         let to = from + (1u64 << (2 * (GRID_BITS - cell.level)));
-        self.0.range((target, from)..(target, to)).map(|(_, code)| point(*code))
+        self.met.range((target, from)..(target, to)).map(|(_, code)| point(*code))
     }
 
     /// A point from which the target was met, of the two next to `at` along the curve the nearer.
     pub fn near(&self, target: Target, at: GridPoint) -> Option<GridPoint> {
         let code = along_curve(at);
-        let before = self.0.range((target, 0)..=(target, code)).next_back();
-        let after = self.0.range((target, code)..=(target, u64::MAX)).next();
+        let before = self.met.range((target, 0)..=(target, code)).next_back();
+        let after = self.met.range((target, code)..=(target, u64::MAX)).next();
         let far = |p: &GridPoint| p.i.abs_diff(at.i).max(p.j.abs_diff(at.j));
         [before, after].into_iter().flatten().map(|(_, code)| point(*code)).min_by_key(far)
     }
@@ -120,8 +129,8 @@ impl Landings {
         spread_over(self.of(target), count)
     }
 
-    /// How many points of the regular grid of a level the target was met from, and which share of all
-    /// landings met it.
+    /// How many points of the regular grid of a level the target was met from, and which share of the
+    /// legal chains met it.
     pub fn share(&self, target: Target, level: u32) -> (usize, f64) {
         let step = (1u32 << (GRID_BITS - level)) - 1;
         let (mut regular, mut all) = (0, 0);
@@ -129,11 +138,11 @@ impl Landings {
             all += 1;
             regular += usize::from((at.i | at.j) & step == 0);
         }
-        (regular, f64::from(all) / self.0.len().max(1) as f64)
+        (regular, f64::from(all) / (self.met.len() + self.nothing.len()).max(1) as f64)
     }
 
     fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + Clone + '_ {
-        self.0.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| point(*code))
+        self.met.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| point(*code))
     }
 }
 
@@ -237,7 +246,8 @@ mod tests {
         let spread = landings.some(TARGET, 10);
         assert!(spread.len() == 10 && spread.iter().all(|p| points.contains(p)));
         // The first of the points is the domain's corner, and on every grid.
-        assert_eq!(landings.share(TARGET, 3), (1, 200.0 / 201.0));
+        landings.add_nothing(points[0]);
+        assert_eq!(landings.share(TARGET, 3), (1, 200.0 / 202.0));
         let cell = Square::around(points[7], 5);
         dark.add(cell, Darkness::NoLight);
         assert_eq!(dark.take(points[7], 3, false), None);

@@ -33,22 +33,30 @@ impl Words<'_> {
             self.counts.rays += 1;
             let next = self.tracer.nearest(&ray, f64::INFINITY, &[departure.anchor]);
             departure.next = next;
-            if let Some(hit) = next {
-                let legal = departure.is_legal();
-                self.discover(word, at, &departure.ray, &hit, legal);
+            let legal = departure.is_legal();
+            let told = next.is_some_and(|hit| self.discover(word, at, &departure.ray, &hit, legal));
+            if legal && !told {
+                self.words[word.0 as usize].landings.add_nothing(at);
             }
         }
         Some(departure)
     }
 
-    /// Notes which letters could follow, and where a legal chain landed.
-    fn discover(&mut self, word: WordId, at: GridPoint, ray: &DualRay, hit: &Hit, legal: bool) {
+    /// Notes which letters could follow, and where a legal chain landed; whether on a letter or a lamp.
+    fn discover(
+        &mut self,
+        word: WordId,
+        at: GridPoint,
+        ray: &DualRay,
+        hit: &Hit,
+        legal: bool,
+    ) -> bool {
         let shape = self.scene.shape(hit.anchor.shape);
         let (specular, lamp) = (shape.material.is_specular(), !shape.radiance.is_black());
         if !specular && !lamp {
-            return;
+            return false;
         }
-        let Some(local) = shape.surface.local(&hit.anchor.point) else { return };
+        let Some(local) = shape.surface.local(&hit.anchor.point) else { return false };
         let front = ray.d.v.dot(&local.ng) < 0.0;
         let mut landed = |target: Target| {
             if legal {
@@ -82,6 +90,7 @@ impl Words<'_> {
                 }
             }
         }
+        specular || front
     }
 
     /// What a chain of a word meets as a letter that may follow.
