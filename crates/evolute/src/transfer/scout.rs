@@ -6,12 +6,14 @@
 //!
 //! Limit: chains inside a cell may leave the hull of those at its corners by a curved mirror's bend.
 
+use std::cell::OnceCell;
+
 use arrayvec::ArrayVec;
 
 use super::extension::facet;
 use super::grid::GridPoint;
 use super::landing::{Square, Target};
-use super::shaft::{Body, Shaft};
+use super::shaft::{Body, Shaft, separated};
 use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3};
 use crate::scene::{Scene, ShapeId};
@@ -110,6 +112,7 @@ impl Beam {
         let start = Aabb::around(self.starts.iter().copied());
         let start = start.grown(start.diagonal());
         let shaft = Shaft::between(&self.starts, &self.ends);
+        let axes = OnceCell::new();
         let bounds = Aabb::around(self.starts.iter().chain(&self.ends).copied());
         tracer.any_in(
             &bounds,
@@ -120,15 +123,18 @@ impl Beam {
                 // A curved surface may be met again where it turns towards itself, away from the start.
                 let is_away =
                     |b: &Aabb| !(met == self.from && b.overlaps(&start)) && !shaft.keeps_out(b);
+                let excluded = || shaft.excludes(&Body::of(scene, shape, primitive).0);
                 wanted(met)
                     && match surface {
-                        Surface::Parametric(p) => is_away(&p.leaf_bounds(primitive as usize)),
-                        Surface::Mesh(m) if met.1.is_none() => {
-                            is_away(&m.triangle_bounds(primitive))
+                        Surface::Parametric(p) => {
+                            let b = p.leaf_bounds(primitive as usize);
+                            is_away(&b) && !separated(axes.get_or_init(|| shaft.box_axes()), &b)
                         }
-                        _ => met != self.from,
+                        Surface::Mesh(m) if met.1.is_none() => {
+                            is_away(&m.triangle_bounds(primitive)) && !excluded()
+                        }
+                        _ => met != self.from && !excluded(),
                     }
-                    && !shaft.excludes(&Body::of(scene, shape, primitive).0)
             },
         )
     }

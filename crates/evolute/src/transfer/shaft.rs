@@ -14,10 +14,13 @@ pub const MAX_CORNERS: usize = 8;
 pub struct Shaft {
     points: ArrayVec<Vector3, { MAX_CORNERS + 1 }>,
     /// Normals of the faces, and the shaft's extent along each.
-    faces: ArrayVec<(Vector3, f64, f64), { MAX_CORNERS + 1 }>,
+    faces: ArrayVec<Extent, { MAX_CORNERS + 1 }>,
     edges: ArrayVec<Vector3, { 2 * MAX_CORNERS }>,
     slack: f64,
 }
+
+/// An axis and what lies along it, from and to.
+pub type Extent = (Vector3, f64, f64);
 
 /// Divisions for a body that is the primitive itself.
 const ITSELF: u32 = u32::MAX;
@@ -110,24 +113,32 @@ impl Shaft {
     ) -> Self {
         // Touching is no crossing: rounding moves a projection by a few ulps of the coordinates.
         let size = points.iter().fold(0f64, |m, p: &Vector3| m.max(p.norm()));
-        let slack = 1e-13 * size;
-        let face = |axis: &Vector3| {
-            let (low, high) = extent(&points, axis);
-            let slack = slack * axis.norm();
-            (*axis, low + slack, high - slack)
-        };
+        let mut shaft = Self { points, faces: ArrayVec::new(), edges, slack: 1e-13 * size };
         // Corners that coincide span no face.
-        let faces = normals.iter().filter(|n| n.norm_squared() > 0.0).map(face).collect();
-        Self { points, faces, edges, slack }
+        let normals = normals.iter().filter(|n| n.norm_squared() > 0.0);
+        shaft.faces = normals.map(|axis| shaft.slackened(*axis)).collect();
+        shaft
     }
 
     /// Whether a face of the shaft keeps a box out: quicker than a proof by all axes, and weaker.
     pub fn keeps_out(&self, b: &Aabb) -> bool {
-        let (centre, half) = (b.centre().coords, b.max - b.centre());
-        self.faces.iter().any(|(axis, low, high)| {
-            let (at, reach) = (centre.dot(axis), half.dot(&axis.abs()));
-            at - reach >= *high || at + reach <= *low
-        })
+        separated(&self.faces, b)
+    }
+
+    /// The shaft's extents along all axes that may separate it from boxes along the axes of space, beyond
+    /// its faces: to be asked of many boxes by [`separated`].
+    pub fn box_axes(&self) -> Vec<Extent> {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let crosses = self.edges.iter().flat_map(|e| axes.iter().map(move |f| e.cross(f)));
+        let crosses = crosses.filter(|axis| axis.norm_squared() > 0.0);
+        axes.iter().copied().chain(crosses).map(|axis| self.slackened(axis)).collect()
+    }
+
+    /// The extent along an axis, less the slack: touching is no crossing.
+    fn slackened(&self, axis: Vector3) -> Extent {
+        let (low, high) = self.extent(&axis);
+        let slack = self.slack * axis.norm();
+        (axis, low + slack, high - slack)
     }
 
     /// Whether the body and the inside of the shaft certainly have no point in common.
@@ -185,6 +196,15 @@ impl Shaft {
     fn extent(&self, axis: &Vector3) -> (f64, f64) {
         extent(&self.points, axis)
     }
+}
+
+/// Whether a box lies outside one of some extents.
+pub fn separated(extents: &[Extent], b: &Aabb) -> bool {
+    let (centre, half) = (b.centre().coords, b.max - b.centre());
+    extents.iter().any(|(axis, low, high)| {
+        let (at, reach) = (centre.dot(axis), half.dot(&axis.abs()));
+        at - reach >= *high || at + reach <= *low
+    })
 }
 
 fn extent(points: &[Vector3], axis: &Vector3) -> (f64, f64) {
