@@ -21,7 +21,7 @@ use crate::surface::Surface;
 use crate::trace::Tracer;
 
 /// Divisions of the first grid's cells in search of letters.
-const SCOUTED_LEVELS: u32 = 3;
+const SCOUTED_LEVELS: u32 = 4;
 
 /// Traces chains of a word in the cells of its first grid through which a specular surface may be met
 /// that none of their corners' chains meets.

@@ -220,7 +220,9 @@ impl<'s> Transfer<'s> {
                 let throughput = look.passed / look.offered;
                 let small = bound < CUT_WORD_SHARE * tolerance(quadrature);
                 let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
-                if small || dim || is_full(quadrature, left) {
+                // Whispering chains go on for hundreds of letters by ever the same few points.
+                let thin = look.island && bound < tolerance(quadrature);
+                if small || dim || thin || is_full(quadrature, left) {
                     left.words.push(LeftWord { word, error: bound, throughput });
                     quadrature.words.forget(word);
                     continue;
