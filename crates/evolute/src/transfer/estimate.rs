@@ -11,11 +11,10 @@ use super::boundary::{Border, border};
 use super::chain::MAX_CHAIN_EDGES;
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
-use super::interpolant::{Corners, Interpolant, Light, is_dark, misses};
+use super::interpolant::{Corners, Interpolant, Light, is_dark};
 use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
-use super::quadrature::{FIRST_LEVEL, LAST_LEVEL, Quadrature, Term};
-use super::scout::Beam;
+use super::quadrature::{LAST_LEVEL, Quadrature, Term};
 use super::word::WordId;
 use crate::geometry::Rgb;
 use crate::optics::Dual;
@@ -25,20 +24,12 @@ use crate::surface::Surface;
 /// Share of a cell that something may hide when it reaches into the cell's shaft and none of the five
 /// rays to the corners and the centre meets it.
 const HIDDEN_SHARE: f64 = 0.5;
-/// The part of the domain that a word's chains come from is known from samples: this covers what lies
-/// between them.
-const AREA_MARGIN: f64 = 1.5;
 /// Divisions of the first grid down to which a cell is not called dark where some of its chains exist
 /// and are hidden, and others do not exist.
-const GUESSED_LEVELS: u32 = 3;
+pub const GUESSED_LEVELS: u32 = 3;
 /// Share of a torn cell's worth, lit all over, that its error is not taken to be below: the edge
 /// functions are extrapolated there.
 const TORN_SHARE: f64 = 0.1;
-/// Share of a dark cell's worth, lit all over, that counts as its error while no proof speaks for the
-/// darkness between its corners.
-const DOUBT_SHARE: f64 = 0.1;
-/// Of chains that turn by more than this over a cell [rad], those that exist say nothing of others.
-const TRUSTED_TURN: f64 = 0.5;
 /// A mesh of more triangles may be a blind or a comb; a cube has twelve.
 const SOLID_TRIANGLES: usize = 12;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
@@ -58,17 +49,18 @@ pub struct Place {
 
 impl Place {
     /// Side in the domain.
-    fn size(&self) -> f64 {
+    pub fn size(&self) -> f64 {
         self.cell.size()
     }
 
     /// The grid point nearest to (a, b) of the cell.
-    fn at(&self, a: f64, b: f64) -> GridPoint {
+    pub fn at(&self, a: f64, b: f64) -> GridPoint {
         let to = |x: f64| (x * f64::from(self.cell.side()) + 0.5) as u32;
         GridPoint { i: self.cell.i + to(a), j: self.cell.j + to(b) }
     }
 
-    fn corners(&self) -> [GridPoint; 4] {
+    /// Its corners, row by row.
+    pub fn corners(&self) -> [GridPoint; 4] {
         [self.at(0.0, 0.0), self.at(1.0, 0.0), self.at(0.0, 1.0), self.at(1.0, 1.0)]
     }
 }
@@ -115,71 +107,6 @@ impl Quadrature<'_, '_> {
             self.dark[place.term].add(place.cell, why);
             Estimate::DARK
         })
-    }
-
-    /// Whether chains at the corners or the centre of a cell meet the word's last letter and are totally
-    /// reflected instead of transmitted.
-    fn is_total(&mut self, word: WordId, place: &Place) -> bool {
-        let points = place.corners().into_iter().chain([place.at(0.5, 0.5)]);
-        points.into_iter().any(|at| self.words.is_total(word, at))
-    }
-
-    /// What a dark cell may be worth where its corners tell too little [W/m²]: the first surface may be
-    /// bent more inside it, the chains that exist turn too fast to tell of those that do not, or the last
-    /// letter stands in the beam and no chain is known to meet it.
-    fn doubt(&mut self, word: WordId, lamp: usize, place: &Place, why: Darkness) -> Option<f64> {
-        let numbers = place.corners().map(|point| self.sample(place.term, point));
-        let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
-        let is_real = corners.iter().flatten().any(|s| s.legal);
-        if let Some(criterion) = self.criteria.normal_variation
-            && why == Darkness::NoLight
-            && criterion.hides(&corners, self.words.normal_cone(word, place.cell))
-        {
-            return Some(DOUBT_SHARE * self.undivided(place));
-        }
-        let turns = |s: &&FieldSample| s.legal && s.turning * place.size() > TRUSTED_TURN;
-        let torn = self.words.is_guessed(word) && corners.iter().any(Option::is_none);
-        if torn && corners.iter().flatten().any(turns) {
-            return Some(DOUBT_SHARE * self.undivided(place));
-        }
-        let parent = self.words.parent(word).filter(|_| !is_real)?;
-
-        let letter = self.words.letter(word);
-        // Boxes around the pieces of a surface close to the start say little.
-        let before = self.words.letter(parent);
-        let again = (before.shape, before.primitive) == (letter.shape, letter.primitive);
-        if again && place.cell.level >= FIRST_LEVEL + GUESSED_LEVELS {
-            return None;
-        }
-        let beam = Beam::of(&mut self.words, parent, place.cell)?;
-        let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
-        beam.may_meet(self.words.scene(), self.words.tracer(), letter)
-            .then_some(DOUBT_SHARE * whole)
-    }
-
-    /// What an island in a cell could be worth if it were lit all over [W/m²], by the chains that are
-    /// known from inside the cell and end there: those that go on to a further surface are the next
-    /// word's.
-    fn worth(&mut self, word: WordId, lamp: usize, place: &Place) -> f64 {
-        let inside = self.words.known_from(word, self.lamps[lamp].target(), place.cell);
-        let numbers: Vec<usize> =
-            inside.into_iter().map(|at| self.sample(place.term, at)).collect();
-        let scene = self.words.scene();
-        let specular = |shape: ShapeId| scene.shape(shape).material.is_specular();
-        let ending: Vec<&FieldSample> = numbers
-            .iter()
-            .filter_map(|k| self.samples[*k].as_ref())
-            .filter(|s| s.sight == Sight::On || !s.next.is_some_and(specular))
-            .collect();
-        if misses(&ending, place.size()) {
-            return 0.0;
-        }
-        let most = ending.iter().fold(0f64, |most, s| most.max(s.weight[0].v.abs()));
-        // Of the cell, as much as of the chains that are known; of the domain, as much as it seemed.
-        let met = ending.len() as f64;
-        let share = place.size() * place.size() * met / (met + 5.0);
-        most * share.min(AREA_MARGIN * self.words.area(word))
-            * self.lamps[lamp].radiance.luminance()
     }
 
     /// The worth of a cell, or why it is dark.

@@ -122,7 +122,7 @@ impl Beam {
                 let met = (shape, facet(surface, primitive));
                 // A curved surface may be met again where it turns towards itself, away from the start.
                 let is_away =
-                    |b: &Aabb| !(met == self.from && b.overlaps(&start)) && !shaft.keeps_out(b);
+                    |b: &Aabb| (met != self.from || !b.overlaps(&start)) && !shaft.keeps_out(b);
                 let excluded = || shaft.excludes(&Body::of(scene, shape, primitive).0);
                 wanted(met)
                     && match surface {

@@ -3,11 +3,12 @@
 use std::collections::HashSet;
 
 use super::Transfer;
-use super::chain::{Departure, Event, Visibility};
+use super::chain::{Departure, Event};
 use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
 use super::field::DirectField;
-use super::grid::{GRID_BITS, GridPoint};
+use super::grid::GridPoint;
+use super::look::{grid, look};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
 use super::scout::scout;
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
@@ -32,8 +33,6 @@ const COARSE_THROUGHPUT: f64 = 0.1;
 const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 /// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
 const MAX_SUSPECTS: usize = 64;
-/// Known chains that are looked at where a coarse grid finds none of a word.
-const MOST_LANDINGS: usize = 9;
 /// Chains of one receiver beyond which it is given up: all are kept, a kilobyte or two each, and a cell of
 /// a word of fifty letters needs fifty of each of its chains.
 const MAX_CHAINS: u64 = 500_000;
@@ -405,67 +404,4 @@ impl Transfer<'_> {
         let inward = outside == (last.event == Event::Transmit);
         inward && !sphere.bounds().overlaps(&self.scene.shape(lamp).surface.bounds())
     }
-}
-
-/// What a coarse grid of samples tells of a word.
-struct Look {
-    /// Irradiance per unit of radiance that its chains let through [sr], whatever follows: leaving
-    /// the medium is reckoned in.
-    passed: f64,
-    /// The same without losses.
-    offered: f64,
-    /// Whether any last leg leads anywhere but to the next specular surface.
-    reaches: bool,
-    /// Whether the grid saw none of its chains, and only those known from elsewhere tell of it.
-    island: bool,
-}
-
-impl Look {
-    /// Looks at one chain of the word; whether it is legal.
-    fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) -> bool {
-        let Some(departure) = words.departure(word, at) else { return false };
-        self.reaches |= !matches!(departure.visible, Visibility::Blocked(_));
-        let legal = departure.is_legal();
-        if legal {
-            let weight = departure.weight.v.max(0.0);
-            self.passed += weight * departure.lossless_throughput();
-            self.offered += weight;
-        }
-        legal
-    }
-}
-
-fn look(words: &mut Words<'_>, word: WordId) -> Look {
-    let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
-    let (mut asked, mut legal) = (0.0, 0.0);
-    let parent = words.parent(word);
-    for at in grid(COARSE_LEVEL) {
-        asked += 1.0;
-        // Where the word before is not, this one is not either.
-        if parent.is_none_or(|parent| words.is_legal(parent, at)) && look.ask(words, word, at) {
-            legal += 1.0;
-        }
-    }
-    let area = words.set_area(word, legal / asked);
-    if legal == 0.0 {
-        // An island between the grid's points.
-        look.island = true;
-        for at in words.met_at(word, MOST_LANDINGS) {
-            if look.ask(words, word, at) {
-                legal += 1.0;
-            }
-        }
-    }
-    if legal > 0.0 {
-        look.passed *= area / legal;
-        look.offered *= area / legal;
-    }
-    look
-}
-
-/// The points of a regular grid.
-fn grid(level: u32) -> impl Iterator<Item = GridPoint> {
-    let n = 1u32 << level;
-    let step = 1u32 << (GRID_BITS - level);
-    (0..=n).flat_map(move |i| (0..=n).map(move |j| GridPoint { i: i * step, j: j * step }))
 }

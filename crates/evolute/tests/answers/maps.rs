@@ -266,13 +266,13 @@ fn mirror_ring_small() {
 }
 
 #[test]
-#[ignore = "all cells take minutes; holds when run by hand, see the case's page"]
+#[ignore = "all cells take two minutes of one core; holds when run by hand, see the case's page"]
 fn glass_ball_all_cells() {
     compare("glass_ball", 1, 0.1, |_| false);
 }
 
 #[test]
-#[ignore = "all cells take more than ten minutes; not seen through yet with pieces this fine, see the case's page"]
+#[ignore = "all cells take forty minutes of one core; holds when run by hand, see the case's page"]
 fn mirror_ring_small_all_cells() {
     compare("mirror_ring_small", 1, 0.01, straddled);
 }

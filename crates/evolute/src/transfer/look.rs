@@ -1,0 +1,73 @@
+//! A first look at a word: what a coarse grid of its chains lets through.
+
+use super::chain::Visibility;
+use super::grid::{GRID_BITS, GridPoint};
+use super::quadrature::COARSE_LEVEL;
+use super::word::{WordId, Words};
+
+/// Known chains that are looked at where a coarse grid finds none of a word.
+const MOST_LANDINGS: usize = 9;
+
+/// What a coarse grid of samples tells of a word.
+pub struct Look {
+    /// Irradiance per unit of radiance that its chains let through [sr], whatever follows: leaving
+    /// the medium is reckoned in.
+    pub passed: f64,
+    /// The same without losses.
+    pub offered: f64,
+    /// Whether any last leg leads anywhere but to the next specular surface.
+    pub reaches: bool,
+    /// Whether the grid saw none of its chains, and only those known from elsewhere tell of it.
+    pub island: bool,
+}
+
+impl Look {
+    /// Looks at one chain of the word; whether it is legal.
+    fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) -> bool {
+        let Some(departure) = words.departure(word, at) else { return false };
+        self.reaches |= !matches!(departure.visible, Visibility::Blocked(_));
+        let legal = departure.is_legal();
+        if legal {
+            let weight = departure.weight.v.max(0.0);
+            self.passed += weight * departure.lossless_throughput();
+            self.offered += weight;
+        }
+        legal
+    }
+}
+
+/// Looks at a word.
+pub fn look(words: &mut Words<'_>, word: WordId) -> Look {
+    let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
+    let (mut asked, mut legal) = (0.0, 0.0);
+    let parent = words.parent(word);
+    for at in grid(COARSE_LEVEL) {
+        asked += 1.0;
+        // Where the word before is not, this one is not either.
+        if parent.is_none_or(|parent| words.is_legal(parent, at)) && look.ask(words, word, at) {
+            legal += 1.0;
+        }
+    }
+    let area = words.set_area(word, legal / asked);
+    if legal == 0.0 {
+        // An island between the grid's points.
+        look.island = true;
+        for at in words.met_at(word, MOST_LANDINGS) {
+            if look.ask(words, word, at) {
+                legal += 1.0;
+            }
+        }
+    }
+    if legal > 0.0 {
+        look.passed *= area / legal;
+        look.offered *= area / legal;
+    }
+    look
+}
+
+/// The points of a regular grid.
+pub fn grid(level: u32) -> impl Iterator<Item = GridPoint> {
+    let n = 1u32 << level;
+    let step = 1u32 << (GRID_BITS - level);
+    (0..=n).flat_map(move |i| (0..=n).map(move |j| GridPoint { i: i * step, j: j * step }))
+}
