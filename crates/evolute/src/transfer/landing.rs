@@ -129,16 +129,20 @@ impl Landings {
         spread_over(self.of(target), count)
     }
 
-    /// How many points of the regular grid of a level the target was met from, and which share of the
-    /// legal chains met it.
-    pub fn share(&self, target: Target, level: u32) -> (usize, f64) {
+    /// Of how much of the domain points of the regular grid of a level stand for that met the target (a point
+    /// on a border for half a cell, in a corner for a quarter), and which share of the legal chains met it.
+    pub fn share(&self, target: Target, level: u32) -> (f64, f64) {
         let step = (1u32 << (GRID_BITS - level)) - 1;
-        let (mut regular, mut all) = (0, 0);
+        let width = |k: u32| if k == 0 || k == 1 << GRID_BITS { 0.5 } else { 1.0 };
+        let (mut regular, mut all) = (0.0, 0);
         for at in self.of(target) {
             all += 1;
-            regular += usize::from((at.i | at.j) & step == 0);
+            if (at.i | at.j) & step == 0 {
+                regular += width(at.i) * width(at.j);
+            }
         }
-        (regular, f64::from(all) / (self.met.len() + self.nothing.len()).max(1) as f64)
+        let cells = f64::from(1u32 << level).powi(2);
+        (regular / cells, f64::from(all) / (self.met.len() + self.nothing.len()).max(1) as f64)
     }
 
     fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + Clone + '_ {
@@ -247,7 +251,7 @@ mod tests {
         assert!(spread.len() == 10 && spread.iter().all(|p| points.contains(p)));
         // The first of the points is the domain's corner, and on every grid.
         landings.add_nothing(points[0]);
-        assert_eq!(landings.share(TARGET, 3), (1, 200.0 / 202.0));
+        assert_eq!(landings.share(TARGET, 3), (0.25 / 64.0, 200.0 / 202.0));
         let cell = Square::around(points[7], 5);
         dark.add(cell, Darkness::NoLight);
         assert_eq!(dark.take(points[7], 3, false), None);

@@ -369,12 +369,12 @@ impl<'s> Words<'s> {
         let area = self.parent(word).map_or(sampled, |parent| {
             let parent = &self.words[parent.0 as usize];
             let (regular, share) = parent.landings.share(self.letter(word), parent.first_level);
-            let grid = f64::from(((1u32 << parent.first_level) + 1).pow(2));
-            if regular > 0 {
-                regular as f64 / grid
+            if regular > 0.0 {
+                regular
             } else {
                 // An island between the grid's points is no larger than one point's share.
-                share * parent.area.min(1.0 / grid)
+                let cells = f64::from(1u32 << parent.first_level).powi(2);
+                share * parent.area.min(1.0 / cells)
             }
         });
         self.words[word.0 as usize].area = area;
