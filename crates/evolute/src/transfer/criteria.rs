@@ -6,6 +6,9 @@
 use super::field::{FieldSample, Sight};
 use crate::geometry::{Vector3, math};
 
+/// Share of criterion 1's solid angle that a cell may span in which no chain exists at the corners.
+const UNSEEN_SHARE: f64 = 0.25;
+
 /// Criterion 1: the solid angle that a cell spans at the receiver is small enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidAngle {
@@ -79,22 +82,22 @@ impl Default for Criteria {
 
 impl SolidAngle {
     /// The solid angle that a cell spans [sr], of two spherical triangles between the directions of its
-    /// corners (Van Oosterom & Strackee 1983); zero if a corner's chain does not exist. A density at
-    /// the corners would miss a receiver that nearly touches the middle.
-    pub fn spanned(corners: &[Option<&FieldSample>; 4]) -> f64 {
+    /// corners (Van Oosterom & Strackee 1983); zero if a corner has none. A density at the corners would
+    /// miss a receiver that nearly touches the middle.
+    pub fn spanned(corners: &[Option<Vector3>; 4]) -> f64 {
         let [Some(p), Some(q), Some(r), Some(s)] = corners else { return 0.0 };
         let triangle = |a: &Vector3, b: &Vector3, c: &Vector3| {
             let volume = a.dot(&b.cross(c)).abs();
             2.0 * math::atan2(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
         };
-        let (p, q, r, s) =
-            (&p.first_direction, &q.first_direction, &r.first_direction, &s.first_direction);
         triangle(p, q, s) + triangle(p, s, r)
     }
 
-    /// Whether a cell is too large.
-    pub fn divides(&self, corners: &[Option<&FieldSample>; 4]) -> bool {
-        Self::spanned(corners) > self.largest
+    /// Whether a cell whose corners lie in these directions is too large; one in which no chain exists at
+    /// the corners is held to less, since all light may come through a cone inside it, as from under water.
+    pub fn divides(&self, corners: &[Option<Vector3>; 4], exists: bool) -> bool {
+        let largest = if exists { self.largest } else { UNSEEN_SHARE * self.largest };
+        Self::spanned(corners) > largest
     }
 }
 

@@ -49,11 +49,14 @@ impl Quadrature<'_, '_> {
             return Some(DOUBT_SHARE * self.undivided(place));
         }
         let turns = |s: &&FieldSample| s.legal && s.turning * place.size() > TRUSTED_TURN;
-        let torn = self.words.is_guessed(word) && corners.iter().any(Option::is_none);
-        if torn && corners.iter().flatten().any(turns) {
+        let parent = self.words.parent(word)?;
+        let torn = corners.iter().any(Option::is_none) && corners.iter().flatten().any(turns);
+        if torn && !self.is_total(word, place) {
             return Some(DOUBT_SHARE * self.undivided(place));
         }
-        let parent = self.words.parent(word).filter(|_| !is_real)?;
+        if is_real {
+            return None;
+        }
         let letter = self.words.letter(word);
         // Boxes around the pieces of a surface close to the start say little.
         let before = self.words.letter(parent);

@@ -137,9 +137,13 @@ impl Quadrature<'_, '_> {
                 channels: if self.words.is_grey(*word) { 1 } else { 3 },
             },
         };
+        let large = level < LAST_LEVEL && self.is_large(place, &numbers);
         let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
         if corners.iter().all(Option::is_none) {
             // A chain that exists nowhere on the corners may still exist inside.
+            if large {
+                return Ok(Estimate::DIVIDE);
+            }
             let centre = self.sample(term, place.at(0.5, 0.5));
             let Some(centre) = &self.samples[centre] else { return Err(Darkness::NoChain) };
             let most = centre.weight[0].v.abs() * h * h * light.radiance.luminance();
@@ -152,7 +156,6 @@ impl Quadrature<'_, '_> {
             && most * h * h * light.radiance.luminance() > MATTERS_SHARE * tolerance;
         let coarse = level < first + 3;
         let c = &self.criteria;
-        let large = level < LAST_LEVEL && c.solid_angle.is_some_and(|c| c.divides(&corners));
         // Chains beyond the borders of a second or later surface may go anywhere: how they differ says
         // nothing.
         let real = match self.terms[term] {
@@ -199,6 +202,21 @@ impl Quadrature<'_, '_> {
             return Ok(Estimate { error: HIDDEN_SHARE * whole, ..Estimate::DARK });
         }
         self.with_sights(place, interpolant, (sights, middle, hidden, torn), tolerance)
+    }
+
+    /// Whether criterion 1 divides a cell, by the first legs at its corners, whether or not chains go on from
+    /// there.
+    fn is_large(&mut self, place: &Place, numbers: &[usize; 4]) -> bool {
+        let Some(criterion) = self.criteria.solid_angle else { return false };
+        let directions = match self.terms[place.term] {
+            Term::Through(word, _) => {
+                place.corners().map(|at| self.words.first_direction(word, at))
+            }
+            Term::Direct(..) => {
+                numbers.map(|k| self.samples[k].as_ref().map(|s| s.first_direction))
+            }
+        };
+        criterion.divides(&directions, numbers.iter().all(|k| self.samples[*k].is_some()))
     }
 
     /// Whether the cell lies outside the borders of the word before the last letter: then no chain of

@@ -3,7 +3,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::{Source, WordId, Words};
+use super::{FirstLeg, Source, WordId, Words};
 use crate::geometry::Ray;
 use crate::optics::{Dual, DualRay};
 use crate::surface::{Surface, SurfacePoint};
@@ -105,8 +105,9 @@ impl Words<'_> {
         Some(Target { shape: hit.anchor.shape, primitive, front, lamp: false })
     }
 
-    fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
-        let (position, normal) = (self.receiver.position, self.receiver.normal);
+    /// The first leg at a grid point and what stands in it.
+    pub(super) fn first_leg(&mut self, root: usize, at: GridPoint) -> FirstLeg {
+        let position = self.receiver.position;
         if !self.roots[root].legs.contains_key(&at.key()) {
             let (a, b) = at.coordinates();
             let leg = self.roots[root].domain.at(a, b).map(|first| {
@@ -120,7 +121,12 @@ impl Words<'_> {
             });
             self.roots[root].legs.insert(at.key(), leg);
         }
-        let (first, blocker) = (*self.roots[root].legs.get(&at.key())?)?;
+        *self.roots[root].legs.get(&at.key())?
+    }
+
+    fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
+        let (first, blocker) = self.first_leg(root, at)?;
+        let normal = self.receiver.normal;
         let cos_1 = first.d.dot_constant(&normal);
         let mut arrival = Arrival {
             anchor: Anchor { shape: step.shape, point: first.point },

@@ -12,6 +12,7 @@ use super::domain::{Domain, FirstPoint};
 use super::grid::{GridHasher, GridPoint};
 use super::landing::{Landings, Square, Target};
 use super::settings::{Counts, Receiver};
+use crate::geometry::Vector3;
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Surface, SurfacePoint};
 use crate::trace::{Anchor, Tracer};
@@ -221,6 +222,14 @@ impl<'s> Words<'s> {
                     domain.normal_cone([from.0, from.0 + side], [from.1, from.1 + side])
                 })
             }
+        }
+    }
+
+    /// Direction of the first leg at a grid point, whether or not a chain goes on from there.
+    pub fn first_direction(&mut self, word: WordId, at: GridPoint) -> Option<Vector3> {
+        match self.words[word.0 as usize].source {
+            Source::After(parent) => self.first_direction(parent, at),
+            Source::First(root) => self.first_leg(root, at).map(|(first, _)| first.d.v),
         }
     }
 
