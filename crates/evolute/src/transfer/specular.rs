@@ -11,7 +11,9 @@ use super::grid::GridPoint;
 use super::look::{grid, look};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
 use super::scout::scout;
-use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
+use super::settings::{
+    Components, LONGEST_CHAIN, LONGEST_WHISPER, Receiver, ReceiverLight, Stop, WordShare,
+};
 use super::shaft::suspects;
 use super::unseen::{Brake, Unseen, UnseenParts};
 use super::word::{WordId, Words};
@@ -311,7 +313,8 @@ impl<'s> Transfer<'s> {
         left: &mut Left,
     ) -> Vec<WordId> {
         let depth = quadrature.words.depth(word);
-        if depth < self.settings.max_specular.min(LONGEST_CHAIN) {
+        let whispers = quadrature.words.run(word) >= LONGEST_WHISPER;
+        if depth < self.settings.max_specular.min(LONGEST_CHAIN) && !whispers {
             return quadrature.words.continue_word(word);
         }
         if depth < self.settings.max_specular && quadrature.words.has_discoveries(word) {

@@ -99,3 +99,33 @@ fn rod() {
 fn prism() {
     compare("prism");
 }
+
+/// What goes from one mirror ball to the next.
+#[test]
+fn balls() {
+    compare("balls");
+}
+
+/// Under water all light comes through a cone: how large the surface is beyond it must not matter.
+#[test]
+fn pool() {
+    let file = cases::path("torn_domains", "pool.xml");
+    let light = |half: &str, x: f64, y: f64| {
+        let scene = load_file(&file, &[("half".to_string(), half.to_string())]).unwrap().scene;
+        let tracer = Tracer::new(&scene);
+        let transfer = Transfer::new(&scene, &tracer, cases::settings(&scene, 1e-3));
+        transfer.light(&receiver([x, y, 1e-4], [0.0, 0.0, 1.0]), SPECULAR)
+    };
+    for (x, y) in [(-0.45, -0.69), (-0.45, -0.33), (0.03, -0.45), (0.51, 0.03), (0.0, 0.0)] {
+        let small = light("0.9", x, y);
+        for half in ["2", "3", "10"] {
+            let large = light(half, x, y);
+            println!(
+                "({x}, {y}), half {half} m: {:.5} ± {:.5}, 0.9 m: {:.5} ± {:.5}",
+                large.specular[1], large.error, small.specular[1], small.error
+            );
+            assert!(small.specular[1] > 0.3);
+            assert!((large.specular[1] - small.specular[1]).abs() <= large.error + small.error);
+        }
+    }
+}

@@ -295,6 +295,19 @@ impl<'s> Words<'s> {
         !self.words[word.0 as usize].discovered.is_empty()
     }
 
+    /// How often the word's last letter stands at its end in a row.
+    pub fn run(&self, word: WordId) -> usize {
+        let last = self.words[word.0 as usize].step;
+        let mut at = Some(word);
+        std::iter::from_fn(|| {
+            let here = at?;
+            at = self.parent(here);
+            Some(self.words[here.0 as usize].step)
+        })
+        .take_while(|step| step.same_letter(&last))
+        .count()
+    }
+
     /// The letters of a word, first surface first.
     pub fn letters(&self, word: WordId) -> Vec<Step> {
         let w = &self.words[word.0 as usize];
