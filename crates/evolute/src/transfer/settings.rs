@@ -30,10 +30,6 @@ pub type Stop<'c> = &'c dyn Fn() -> bool;
 /// light at each of them is down to two millionths.
 pub const LONGEST_CHAIN: u32 = 256;
 
-/// Most interactions in a row with one side of one surface: chains that whisper along a concave wall for longer
-/// are cut there, and what they could bring is added to the error.
-pub const LONGEST_WHISPER: usize = 24;
-
 /// How accurate, and where to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferSettings {

@@ -11,9 +11,7 @@ use super::grid::GridPoint;
 use super::look::{grid, look};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
 use super::scout::scout;
-use super::settings::{
-    Components, LONGEST_CHAIN, LONGEST_WHISPER, Receiver, ReceiverLight, Stop, WordShare,
-};
+use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
 use super::unseen::{Brake, Unseen, UnseenParts};
 use super::word::{WordId, Words};
@@ -38,6 +36,10 @@ const MAX_SUSPECTS: usize = 64;
 /// Chains of one receiver beyond which it is given up: all are kept, a kilobyte or two each, and a cell of
 /// a word of fifty letters needs fifty of each of its chains.
 const MAX_CHAINS: u64 = 500_000;
+/// From so many reflections in a row by one side of one surface on, chains whisper along it.
+const WHISPER: usize = 16;
+/// Share of its error that following a whispering word is taken to gain.
+const WHISPER_SHARE: f64 = 0.01;
 /// Most words a receiver follows; what is beyond is added to the error.
 const MAX_WORDS: usize = 2048;
 
@@ -222,9 +224,10 @@ impl<'s> Transfer<'s> {
                 let small = bound < CUT_WORD_SHARE * tolerance(quadrature);
                 let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
                 // Whispering chains go on for hundreds of letters by ever the same few points.
-                let thin = look.island && bound < tolerance(quadrature);
+                let whispers = quadrature.words.run(word) >= WHISPER;
+                let thin = (look.island || whispers) && bound < tolerance(quadrature);
                 if small || dim || thin || is_full(quadrature, left) {
-                    left.words.push(LeftWord { word, error: bound, throughput });
+                    left.words.push(LeftWord { word, error: bound, throughput, whispers });
                     quadrature.words.forget(word);
                     continue;
                 }
@@ -313,8 +316,7 @@ impl<'s> Transfer<'s> {
         left: &mut Left,
     ) -> Vec<WordId> {
         let depth = quadrature.words.depth(word);
-        let whispers = quadrature.words.run(word) >= LONGEST_WHISPER;
-        if depth < self.settings.max_specular.min(LONGEST_CHAIN) && !whispers {
+        if depth < self.settings.max_specular.min(LONGEST_CHAIN) {
             return quadrature.words.continue_word(word);
         }
         if depth < self.settings.max_specular && quadrature.words.has_discoveries(word) {
@@ -361,6 +363,16 @@ struct LeftWord {
     word: WordId,
     error: f64,
     throughput: f64,
+    /// Whether its chains whisper along one surface.
+    whispers: bool,
+}
+
+impl LeftWord {
+    /// What following it may gain beside what dividing a cell gains: one more reflection of a whisper
+    /// leaves the next word as much to wait for.
+    fn gain(&self) -> f64 {
+        if self.whispers { WHISPER_SHARE * self.error } else { self.error }
+    }
 }
 
 /// What was left out of one receiver.
@@ -388,12 +400,12 @@ impl Left {
     }
 
     fn worst(&self) -> f64 {
-        self.words.iter().fold(0.0, |m, w| m.max(w.error))
+        self.words.iter().fold(0.0, |m, w| m.max(w.gain()))
     }
 
     fn take_worst(&mut self) -> Option<LeftWord> {
         let worst = self.worst();
-        let at = self.words.iter().position(|w| w.error == worst)?;
+        let at = self.words.iter().position(|w| w.gain() == worst)?;
         Some(self.words.remove(at))
     }
 }
