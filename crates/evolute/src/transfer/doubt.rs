@@ -51,7 +51,9 @@ impl Quadrature<'_, '_> {
         let turns = |s: &&FieldSample| s.legal && s.turning * place.size() > TRUSTED_TURN;
         let parent = self.words.parent(word)?;
         let torn = corners.iter().any(Option::is_none) && corners.iter().flatten().any(turns);
-        if torn && !self.is_total(word, place) {
+        // At the limb of a ball all chains turn fast, however small the cell.
+        let early = place.cell.level < FIRST_LEVEL + GUESSED_LEVELS;
+        if torn && (early || self.words.is_guessed(word)) && !self.is_total(word, place) {
             return Some(DOUBT_SHARE * self.undivided(place));
         }
         if is_real {
@@ -61,7 +63,7 @@ impl Quadrature<'_, '_> {
         // Boxes around the pieces of a surface close to the start say little.
         let before = self.words.letter(parent);
         let again = (before.shape, before.primitive) == (letter.shape, letter.primitive);
-        if again && place.cell.level >= FIRST_LEVEL + GUESSED_LEVELS {
+        if again && !early {
             return None;
         }
         let beam = Beam::of(&mut self.words, parent, place.cell)?;

@@ -98,8 +98,10 @@ impl<'s> Transfer<'s> {
                 met = false;
                 break;
             }
-            // What was left out competes with the cells.
-            if !is_full(&quadrature, &left) && left.worst() > quadrature.worst() {
+            // What was left out competes with the cells; once they are well within what is allowed, it is what
+            // keeps the sum from it.
+            let settled = quadrature.error() <= 0.5 * allowed && !left.words.is_empty();
+            if !is_full(&quadrature, &left) && (settled || left.worst() > quadrature.worst()) {
                 if let Some(word) = left.take_worst() {
                     self.enter(&mut quadrature, word, &mut left, |q| tolerance(q, &closed));
                 }
