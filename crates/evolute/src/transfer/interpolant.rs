@@ -103,6 +103,7 @@ impl Interpolant {
         light: Light,
     ) -> Result<Self, Darkness> {
         let torn = corners.iter().chain([&centre]).any(|s| s.is_none());
+        let doubtful = torn && guessed;
         let left =
             |value: f64, slope: f64| LEFT_AFTER_BUMP * (value.abs() + GRADIENT_SHARE * slope);
         let mut weights = Weights::new();
@@ -137,7 +138,7 @@ impl Interpolant {
                 patch.add_bump(value);
                 shift = left(value, slope);
             }
-            if torn && guessed {
+            if doubtful {
                 shift += patch.plane().0;
                 if samples().all(|(s, reach)| stays_negative(&s.edges[k], reach * h)) {
                     return Err(darkness(corners, k));
@@ -149,7 +150,7 @@ impl Interpolant {
                 shift += UNSEEN_MARGIN * patch.plane().0;
             }
             let (low, high) = patch.bounds();
-            if high + shift < 0.0 && !(torn && guessed) {
+            if high + shift < 0.0 && !doubtful {
                 return Err(darkness(corners, k));
             }
             if low - shift < 0.0 {

@@ -1,6 +1,6 @@
 //! A first look at a word: what a coarse grid of its chains lets through.
 
-use super::chain::Visibility;
+use super::chain::{Departure, Visibility};
 use super::grid::{GRID_BITS, GridPoint};
 use super::quadrature::COARSE_LEVEL;
 use super::word::{WordId, Words};
@@ -22,9 +22,9 @@ pub struct Look {
 }
 
 impl Look {
-    /// Looks at one chain of the word; whether it is legal.
-    fn ask(&mut self, words: &mut Words<'_>, word: WordId, at: GridPoint) -> bool {
-        let Some(departure) = words.departure(word, at) else { return false };
+    /// Looks at one chain of the word, if it exists; whether it is legal.
+    fn ask(&mut self, departure: Option<&Departure>) -> bool {
+        let Some(departure) = departure else { return false };
         self.reaches |= !matches!(departure.visible, Visibility::Blocked(_));
         let legal = departure.is_legal();
         if legal {
@@ -40,11 +40,9 @@ impl Look {
 pub fn look(words: &mut Words<'_>, word: WordId) -> Look {
     let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
     let (mut asked, mut legal) = (0.0, 0.0);
-    let parent = words.parent(word);
     for at in grid(COARSE_LEVEL) {
         asked += 1.0;
-        // Where the word before is not, this one is not either.
-        if parent.is_none_or(|parent| words.is_legal(parent, at)) && look.ask(words, word, at) {
+        if look.ask(words.reached(word, at)) {
             legal += 1.0;
         }
     }
@@ -53,7 +51,7 @@ pub fn look(words: &mut Words<'_>, word: WordId) -> Look {
         // An island between the grid's points.
         look.island = true;
         for at in words.met_at(word, MOST_LANDINGS) {
-            if look.ask(words, word, at) {
+            if look.ask(words.departure(word, at)) {
                 legal += 1.0;
             }
         }

@@ -62,7 +62,6 @@ pub struct Beam {
 impl Beam {
     /// The beam of a word's chains in a cell; `None` if none of its corners' is legal.
     pub fn of(words: &mut Words<'_>, word: WordId, cell: Square) -> Option<Self> {
-        let parent = words.parent(word);
         let (scene, reach) = (words.scene(), words.tracer().bounds().diagonal());
         let piece = |shape, primitive| (shape, facet(&scene.shape(shape).surface, primitive));
         let from = words.letter(word);
@@ -75,11 +74,7 @@ impl Beam {
             most: 0.0,
         };
         for at in around(cell) {
-            // Where the word before is not, this one is not either.
-            if !parent.is_none_or(|parent| words.is_legal(parent, at)) {
-                continue;
-            }
-            let departure = words.departure(word, at).filter(|d| d.is_legal());
+            let departure = words.reached(word, at).filter(|d| d.is_legal());
             let Some(departure) = departure else { continue };
             let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
             beam.starts.push(o);

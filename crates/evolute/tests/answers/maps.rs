@@ -266,7 +266,7 @@ fn mirror_ring_small() {
 }
 
 #[test]
-#[ignore = "all cells take two minutes of one core; holds when run by hand, see the case's page"]
+#[ignore = "all cells take three minutes of one core; holds when run by hand, see the case's page"]
 fn glass_ball_all_cells() {
     compare("glass_ball", 1, 0.1, |_| false);
 }

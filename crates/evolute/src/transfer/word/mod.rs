@@ -328,6 +328,16 @@ impl<'s> Words<'s> {
         self.words[word.0 as usize].departures.get(&at.key())?.as_deref()
     }
 
+    /// The departure at a grid point that the word before reaches by a legal chain; where that is not, this
+    /// one is not either, and need not be traced.
+    pub fn reached(&mut self, word: WordId, at: GridPoint) -> Option<&Departure> {
+        let parent = self.parent(word);
+        if parent.is_some_and(|parent| !self.is_legal(parent, at)) {
+            return None;
+        }
+        self.departure(word, at)
+    }
+
     /// The landings that were not asked for before: word, what was met, from where.
     pub fn take_fresh(&mut self) -> Vec<(WordId, Target, GridPoint)> {
         std::mem::take(&mut self.fresh)
