@@ -417,6 +417,10 @@ impl<'s> Tracer<'s> {
             }
             Surface::Mesh(m) => meet_patch(m, shape, primitive, ray, t_max, ends),
             Surface::Parametric(s) => {
+                // Most rays that leave a shallow mirror cannot meet it again.
+                if (start.is_some() || end.is_some()) && s.single_crossing(&ray.direction) != 0 {
+                    return None;
+                }
                 let parameters = |a: &Anchor| (a.point.p, a.point.q);
                 let (leaving, arriving) = (start.map(parameters), end.map(parameters));
                 s.intersect_leaf_between(primitive as usize, ray, [0.0, t_max], leaving, arriving)

@@ -17,7 +17,7 @@ use super::shaft::{Body, Shaft, separated};
 use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3};
 use crate::scene::{Scene, ShapeId};
-use crate::surface::Surface;
+use crate::surface::{Parametric, Surface};
 use crate::trace::Tracer;
 
 /// Divisions of the first grid's cells in search of letters.
@@ -34,7 +34,7 @@ pub fn scout(words: &mut Words<'_>, word: WordId, first: u32) {
 
 fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32) {
     let beam = Beam::of(words, word, cell);
-    if cell.level == last || !beam.is_some_and(|b| b.may_meet_more(words.scene(), words.tracer())) {
+    if cell.level == last || !beam.is_some_and(|beam| beam.may_meet_more(words, word)) {
         return;
     }
     for child in cell.children() {
@@ -91,10 +91,14 @@ impl Beam {
         self.may_meet_any(scene, tracer, |met| met == (letter.shape, letter.primitive))
     }
 
-    /// Whether a specular surface may be met that no corner's leg meets.
-    fn may_meet_more(&self, scene: &Scene, tracer: &Tracer<'_>) -> bool {
-        self.may_meet_any(scene, tracer, |met| {
-            scene.shape(met.0).material.is_specular() && !self.known.contains(&met)
+    /// Whether a specular surface may be met that no chain of the word is known to meet. For the letters
+    /// that are known, cells are not held dark instead.
+    fn may_meet_more(&self, words: &Words<'_>, word: WordId) -> bool {
+        let scene = words.scene();
+        self.may_meet_any(scene, words.tracer(), |met| {
+            scene.shape(met.0).material.is_specular()
+                && !self.known.contains(&met)
+                && !words.has_met(word, met)
         })
     }
 
@@ -121,6 +125,9 @@ impl Beam {
                 let excluded = || shaft.excludes(&Body::of(scene, shape, primitive).0);
                 wanted(met)
                     && match surface {
+                        Surface::Parametric(p) if met == self.from && self.leaves_for_good(p) => {
+                            false
+                        }
                         Surface::Parametric(p) => {
                             let b = p.leaf_bounds(primitive as usize);
                             is_away(&b) && !separated(axes.get_or_init(|| shaft.box_axes()), &b)
@@ -132,6 +139,17 @@ impl Beam {
                     }
             },
         )
+    }
+}
+
+impl Beam {
+    /// Whether no leg between those at the corners can meet the surface again that they all leave: proved for
+    /// legs in the cone of their directions.
+    fn leaves_for_good(&self, surface: &Parametric) -> bool {
+        let side = |(o, e): (&Point3, &Point3)| surface.single_crossing(&(e - o));
+        let mut sides = self.starts.iter().zip(&self.ends).map(side);
+        let first = sides.next().unwrap_or(0);
+        first != 0 && sides.all(|side| side == first)
     }
 }
 

@@ -5,6 +5,7 @@
 //! somewhere (√s at s = 0) or has kinks (`abs`, `min`, `max`) is traced rightly, but slowly for rays
 //! that pass close to those places.
 
+mod chords;
 mod evaluate;
 mod hit;
 mod leaves;
@@ -13,6 +14,7 @@ mod newton;
 mod patch;
 mod singular;
 
+use self::chords::Chords;
 use self::evaluate::Evaluator;
 use self::leaves::Leaves;
 pub use self::patch::Cell;
@@ -31,6 +33,7 @@ use crate::geometry::{Aabb, Point3, Transform, Vector3, math};
 pub struct Parametric {
     evaluator: Evaluator,
     leaves: Leaves,
+    chords: Box<Chords>,
     bounds: Aabb,
     /// Length of the diagonal of the bounds [m].
     size: f64,
@@ -70,6 +73,7 @@ impl Parametric {
         world_from_object: Transform,
         flip_normals: bool,
     ) -> Result<Self, SurfaceError> {
+        let chords = Box::new(Chords::new(&tape, &world_from_object));
         let evaluator = Evaluator::new(tape, &world_from_object);
         let leaves = Leaves::new(&evaluator)?;
         let bounds = leaves.bounds();
@@ -78,6 +82,7 @@ impl Parametric {
         let surface = Self {
             evaluator,
             leaves,
+            chords,
             bounds,
             size: bounds.diagonal(),
             area_scale,
@@ -121,6 +126,12 @@ impl Parametric {
         }
         let sine = half.norm() / centre.norm();
         if sine < 1.0 { math::asin(sine) } else { std::f64::consts::PI }
+    }
+
+    /// +1 or −1 if no line in the direction `d` passes two points of the surface, and none in any direction
+    /// between two of the same sign: proved. 0 if that is not known.
+    pub fn single_crossing(&self, d: &Vector3) -> i32 {
+        self.chords.side(d)
     }
 
     /// The surface point of parameters (s, t).

@@ -295,6 +295,24 @@ impl<'s> Words<'s> {
         !self.words[word.0 as usize].discovered.is_empty()
     }
 
+    /// Whether chains of the word were seen to meet a surface (or a facet of it) on every side on which it is
+    /// specular; a ball shows but one to either medium.
+    pub fn has_met(&self, word: WordId, (shape, primitive): (ShapeId, Option<u32>)) -> bool {
+        let w = &self.words[word.0 as usize];
+        let target = self.scene.shape(shape);
+        let followed = w.children.iter().map(|child| &self.words[child.0 as usize].step);
+        let met = |front: bool| {
+            let mut steps = w.discovered.iter().chain(followed.clone());
+            steps.any(|s| (s.shape, s.primitive, s.front) == (shape, primitive, front))
+        };
+        match &target.surface {
+            Surface::Sphere(_) => met(true) || met(false),
+            _ => {
+                [true, false].into_iter().all(|f| met(f) || events(&target.material, f).is_empty())
+            }
+        }
+    }
+
     /// How often the word's last letter stands at its end in a row.
     pub fn run(&self, word: WordId) -> usize {
         let last = self.words[word.0 as usize].step;
