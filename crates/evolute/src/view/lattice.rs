@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use crate::geometry::Rgb;
 use crate::transfer::Counts;
 
-use super::receiver::Part;
+use super::receiver::{Allowance, Part};
 use super::tree::Leaf;
 use super::{Control, Order, View};
 
@@ -147,7 +147,7 @@ pub(super) struct Lattice<'l> {
     width: u32,
     height: u32,
     /// Differences of radiance below this count as equal [W/(m² sr)].
-    dark: f64,
+    pub dark: f64,
     /// Work of all receivers, how many there were, and how many missed their tolerance.
     pub counts: Counts,
     pub receivers: u64,
@@ -159,8 +159,8 @@ pub(super) struct Lattice<'l> {
 }
 
 impl<'l> Lattice<'l> {
-    /// Computes the lattice of a view. Tolerances are relative to this part and the `known` one
-    /// together.
+    /// Computes the lattice of a view. Tolerances are relative to this part and the `known` one together, or
+    /// to all that shows at the same place of the film, or to what still counts there as dark.
     pub fn build(
         view: &View<'_>,
         part: Part,
@@ -253,9 +253,16 @@ impl<'l> Lattice<'l> {
     /// given up, as half of it would look like a dark spot.
     fn node(&self, view: &View<'_>, x: f64, y: f64) -> Option<Node> {
         let mut node = Node::default();
-        for leaf in &view.sight(x, y).leaves {
-            let known = self.known.and_then(|l| l.irradiance(x, y, leaf)).unwrap_or_default();
-            let light = (view.light)(leaf, self.part, view.relative * known.luminance());
+        let leaves = view.sight(x, y).leaves;
+        let known: Vec<Rgb> = leaves
+            .iter()
+            .map(|leaf| self.known.and_then(|l| l.irradiance(x, y, leaf)).unwrap_or_default())
+            .collect();
+        let dark = self.known.map_or(0.0, |l| l.dark);
+        let allowance = Allowance::new(&leaves, &known, dark);
+        for (leaf, known) in leaves.iter().zip(known) {
+            let share = view.relative * allowance.share(leaf, known);
+            let light = (view.light)(leaf, self.part, share);
             if light.stopped {
                 return None;
             }

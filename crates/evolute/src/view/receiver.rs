@@ -1,5 +1,6 @@
 //! Light on the diffuse surfaces that the eye sees.
 
+use crate::geometry::Rgb;
 use crate::scene::Scene;
 use crate::trace::Tracer;
 use crate::transfer::{
@@ -15,6 +16,29 @@ pub(super) enum Part {
     Direct,
     /// From lamps by specular chains.
     Specular,
+}
+
+/// What may be off in the light on the leaves of one place of the film: shared out half as they shine and half
+/// evenly, so that what shows little of itself need not be known well.
+pub(super) struct Allowance {
+    /// Luminance of all that is known to show there, or what still counts as dark [W/(m² sr)].
+    seen: f64,
+    leaves: f64,
+}
+
+impl Allowance {
+    /// For leaves of which `known` irradiance [W/m²] shows; radiance below `dark` [W/(m² sr)] does not count.
+    pub fn new(leaves: &[Leaf], known: &[Rgb], dark: f64) -> Self {
+        let seen: f64 = leaves.iter().zip(known).map(|(l, e)| l.radiance(*e).luminance()).sum();
+        Self { seen: seen.max(dark), leaves: leaves.len() as f64 }
+    }
+
+    /// Irradiance of which a part may be off [W/m²], at a leaf that receives at least `known`.
+    pub fn share(&self, leaf: &Leaf, known: Rgb) -> f64 {
+        let even = self.seen / (self.leaves * leaf.radiance(Rgb::grey(1.0)).max());
+        let shines = known.luminance();
+        if even.is_finite() { 0.5 * (shines + even) } else { shines }
+    }
 }
 
 /// Computes irradiance at leaves. A scene's `max_depth` limits the chain from the lamp together with

@@ -9,7 +9,7 @@ use crate::transfer::Counts;
 
 use super::filter::FilterTable;
 use super::lattice::Lattice;
-use super::receiver::Part;
+use super::receiver::{Allowance, Part};
 use super::tree::{Leaf, Sight};
 use super::{Control, Order, Picture, View};
 
@@ -279,13 +279,35 @@ impl Pixel<'_, '_> {
     fn shade(&mut self, sight: &Sight, x: f64, y: f64, band: &mut Band) -> Parts {
         let mut parts = Parts { emitted: sight.emitted, ..Parts::default() };
         for leaf in &sight.leaves {
-            parts.direct += leaf.radiance(self.irradiance(leaf, Part::Direct, x, y, band));
-            parts.specular += leaf.radiance(self.irradiance(leaf, Part::Specular, x, y, band));
+            let [direct, specular] = self.irradiance(leaf, sight, (x, y), band);
+            parts.direct += leaf.radiance(direct);
+            parts.specular += leaf.radiance(specular);
         }
         parts
     }
 
-    fn irradiance(&mut self, leaf: &Leaf, part: Part, x: f64, y: f64, band: &mut Band) -> Rgb {
+    /// Direct and specular irradiance of a leaf of a sight [W/m²].
+    fn irradiance(
+        &mut self,
+        leaf: &Leaf,
+        sight: &Sight,
+        at: (f64, f64),
+        band: &mut Band,
+    ) -> [Rgb; 2] {
+        let direct = self.part(leaf, Part::Direct, Rgb::BLACK, sight, at, band);
+        [direct, self.part(leaf, Part::Specular, direct, sight, at, band)]
+    }
+
+    /// One part of a leaf's irradiance [W/m²], which receives `known` by the other.
+    fn part(
+        &mut self,
+        leaf: &Leaf,
+        part: Part,
+        known: Rgb,
+        sight: &Sight,
+        (x, y): (f64, f64),
+        band: &mut Band,
+    ) -> Rgb {
         let Some(lattice) = self.lattices.of(part) else { return Rgb::BLACK };
         if let Some(found) = lattice.irradiance(x, y, leaf) {
             return found;
@@ -296,7 +318,8 @@ impl Pixel<'_, '_> {
         }
         let mut found = Rgb::BLACK;
         if self.may_compute {
-            let light = (self.view.light)(leaf, part, 0.0);
+            let share = self.view.relative * self.allowance(sight, x, y).share(leaf, known);
+            let light = (self.view.light)(leaf, part, share);
             band.counts += light.counts;
             band.receivers += 1;
             band.unmet += u64::from(!light.met);
@@ -310,6 +333,16 @@ impl Pixel<'_, '_> {
         found
     }
 
+    /// What may be off at (x, y) of the film, by what the lattices know of it.
+    fn allowance(&self, sight: &Sight, x: f64, y: f64) -> Allowance {
+        let of = |leaf: &Leaf, part| {
+            self.lattices.of(part).and_then(|l| l.irradiance(x, y, leaf)).unwrap_or_default()
+        };
+        let both = |leaf: &Leaf| of(leaf, Part::Direct) + of(leaf, Part::Specular);
+        let known: Vec<Rgb> = sight.leaves.iter().map(both).collect();
+        Allowance::new(&sight.leaves, &known, self.lattices.direct.dark)
+    }
+
     /// Distance, normal and irradiance of the diffuse surface that shows most at the centre.
     fn centre(&mut self, sight: &Sight, band: &mut Band) -> Centre {
         let mut best: Option<&Leaf> = None;
@@ -320,8 +353,7 @@ impl Pixel<'_, '_> {
         }
         let Some(leaf) = best else { return Centre::default() };
         let (x, y) = (f64::from(self.x) + 0.5, f64::from(self.y) + 0.5);
-        let direct = self.irradiance(leaf, Part::Direct, x, y, band);
-        let specular = self.irradiance(leaf, Part::Specular, x, y, band);
+        let [direct, specular] = self.irradiance(leaf, sight, (x, y), band);
         Centre {
             distance: leaf.distance,
             normal: [leaf.normal.x, leaf.normal.y, leaf.normal.z],
