@@ -34,27 +34,27 @@ const GAUSS2: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
 /// One or three weights (colour channels).
 pub type Weights = ArrayVec<Patch, 3>;
+/// Constraints that vanish in a cell.
+type Cuts = ArrayVec<Patch, MAX_CONSTRAINTS>;
 /// Integrals, a channel each.
 pub type Integrals = [f64; 3];
 
 /// ∫∫ w over the part of the unit cell where every constraint is positive, to about `tolerance`.
 pub fn cut_integral(weights: &Weights, constraints: &[Patch], tolerance: f64) -> Integrals {
     let mut sum = [0.0; 3];
-    let list: ArrayVec<Patch, MAX_CONSTRAINTS> =
-        constraints.iter().take(MAX_CONSTRAINTS).copied().collect();
-    recurse(weights, &list, 1.0, tolerance, 0, &mut sum);
+    recurse(weights, constraints, 1.0, tolerance, 0, &mut sum);
     sum
 }
 
 fn recurse(
     weights: &Weights,
-    constraints: &ArrayVec<Patch, MAX_CONSTRAINTS>,
+    constraints: &[Patch],
     area: f64,
     tolerance: f64,
     depth: u32,
     sum: &mut Integrals,
 ) {
-    let mut cuts: ArrayVec<Patch, MAX_CONSTRAINTS> = ArrayVec::new();
+    let mut cuts = Cuts::new();
     for c in constraints {
         let (low, high) = c.bounds();
         if high <= 0.0 {
@@ -101,21 +101,20 @@ fn recurse(
         wl.push(l);
         wr.push(r);
     }
-    let (mut cl, mut cr) = (ArrayVec::new(), ArrayVec::new());
+    let (mut cl, mut cr) = (Cuts::new(), Cuts::new());
     for c in &cuts {
         let (l, r) = c.split_a();
         cl.push(l);
         cr.push(r);
     }
-    for (w, c) in [(wl, cl), (wr, cr)] {
-        halve_b(&w, &c, 0.25 * area, tolerance, depth + 1, sum);
-    }
+    halve_b(&wl, &cl, 0.25 * area, tolerance, depth + 1, sum);
+    halve_b(&wr, &cr, 0.25 * area, tolerance, depth + 1, sum);
 }
 
 /// Both halves along b.
 fn halve_b(
     weights: &Weights,
-    cuts: &ArrayVec<Patch, MAX_CONSTRAINTS>,
+    cuts: &[Patch],
     area: f64,
     tolerance: f64,
     depth: u32,
@@ -130,7 +129,7 @@ fn halve_b(
         wl.push(l);
         wr.push(r);
     }
-    let (mut cl, mut cr) = (ArrayVec::new(), ArrayVec::new());
+    let (mut cl, mut cr) = (Cuts::new(), Cuts::new());
     for c in cuts {
         let (l, r) = c.split_b();
         cl.push(l);

@@ -13,6 +13,7 @@ mod domain;
 mod doubt;
 mod estimate;
 mod extension;
+mod fan;
 mod field;
 mod grid;
 mod interpolant;

@@ -6,6 +6,7 @@ use super::Transfer;
 use super::chain::{Departure, Event};
 use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
+use super::fan::Fan;
 use super::field::DirectField;
 use super::grid::GridPoint;
 use super::look::{grid, look};
@@ -38,6 +39,10 @@ const MAX_SUSPECTS: usize = 64;
 const MAX_CHAINS: u64 = 500_000;
 /// From so many reflections in a row by one side of one surface on, chains whisper along it.
 const WHISPER: usize = 16;
+/// From so many reflections on it is asked where the chains leave the surface.
+const FAN_RUN: usize = 4;
+/// Share of the brightest lamp that chains are held to come to of which samples say that they do not.
+const FAN_DOUBT: f64 = 0.01;
 /// Share of its error that following a whispering word is taken to gain.
 const WHISPER_SHARE: f64 = 0.01;
 /// Most words a receiver follows; what is beyond is added to the error.
@@ -195,7 +200,6 @@ impl<'s> Transfer<'s> {
         left: &mut Left,
         tolerance: impl Fn(&Quadrature<'_, '_>) -> f64,
     ) {
-        let brightest = self.brightest();
         while !level.is_empty() {
             let mut next = Vec::new();
             for word in level {
@@ -221,12 +225,14 @@ impl<'s> Transfer<'s> {
                     }
                     continue;
                 }
-                let bound = look.passed * brightest * SAMPLED_BOUND_MARGIN;
+                let reach = self.reach(&mut quadrature.words, word);
+                let bound = look.passed * reach * SAMPLED_BOUND_MARGIN;
                 let throughput = look.passed / look.offered;
                 let small = bound < CUT_WORD_SHARE * tolerance(quadrature);
                 let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
                 // Whispering chains go on for hundreds of letters by ever the same few points.
-                let whispers = quadrature.words.run(word) >= WHISPER;
+                let whispers =
+                    quadrature.words.run(word) >= WHISPER || reach < self.brightest();
                 let thin = (look.island || whispers) && bound < tolerance(quadrature);
                 if small || dim || thin || is_full(quadrature, left) {
                     left.words.push(LeftWord { word, error: bound, throughput, whispers });
@@ -237,6 +243,31 @@ impl<'s> Transfer<'s> {
             }
             level = next;
         }
+    }
+
+    /// Luminance of the brightest that a word's chains and all that continue them may come to [W/(m² sr)]:
+    /// less than the brightest lamp where they run along one mirror and seem to leave it away from that.
+    fn reach(&self, words: &mut Words<'_>, word: WordId) -> f64 {
+        if let Some(known) = words.reach(word) {
+            return known;
+        }
+        let (brightest, run) = (self.brightest(), words.run(word));
+        // Twice as many reflections leave a quarter of the fan.
+        if run < FAN_RUN || !run.is_power_of_two() {
+            return brightest;
+        }
+        let Some(fan) = Fan::of(words, word) else { return brightest };
+        let own = words.letter(word).shape;
+        let met = |id: ShapeId| fan.may_meet(&self.scene.shape(id).surface.bounds());
+        let others = (0..self.scene.shapes.len() as u32).map(ShapeId).filter(|id| *id != own);
+        if others.into_iter().any(|id| self.scene.shape(id).material.is_specular() && met(id)) {
+            return brightest;
+        }
+        let lamps = self.scene.lamps().filter(|id| met(*id));
+        let lamps = lamps.map(|id| self.scene.shape(id).radiance.luminance());
+        let reach = lamps.fold(FAN_DOUBT * brightest, f64::max);
+        words.set_reach(word, reach);
+        reach
     }
 
     /// Follows the words of which the grid showed nothing and whose last letter was met since by a chain

@@ -45,6 +45,8 @@ struct Word {
     area: f64,
     /// Level of the first grid.
     first_level: u32,
+    /// Luminance of the brightest that its chains may come to [W/(m² sr)], where that is known.
+    reach: Option<f64>,
 }
 
 /// The first leg at a grid point and what stands in it: shared by the events at the first surface.
@@ -186,6 +188,14 @@ impl<'s> Words<'s> {
                 formula || self.words[parent.0 as usize].guessed
             }
         };
+        // Chains that go on along a mirror are some of those before.
+        let reach = match source {
+            Source::After(parent) => {
+                let before = &self.words[parent.0 as usize];
+                before.reach.filter(|_| before.step.same_letter(&step))
+            }
+            Source::First(_) => None,
+        };
         self.words.push(Word {
             source,
             step,
@@ -198,6 +208,7 @@ impl<'s> Words<'s> {
             landings: Landings::default(),
             area: 1.0,
             first_level: 0,
+            reach,
         });
         let id = WordId(self.words.len() as u32 - 1);
         if let Source::After(parent) = source {
@@ -406,6 +417,17 @@ impl<'s> Words<'s> {
     /// Keeps the level of a word's first grid.
     pub fn set_first_level(&mut self, word: WordId, level: u32) {
         self.words[word.0 as usize].first_level = level;
+    }
+
+    /// Luminance of the brightest that a word's chains and all that continue them may come to [W/(m² sr)], if
+    /// that was kept.
+    pub fn reach(&self, word: WordId) -> Option<f64> {
+        self.words[word.0 as usize].reach
+    }
+
+    /// Keeps it, for the words that go on by the same letter, too.
+    pub fn set_reach(&mut self, word: WordId, reach: f64) {
+        self.words[word.0 as usize].reach = Some(reach);
     }
 
     /// How much of the domain legal chains seem to come from.
