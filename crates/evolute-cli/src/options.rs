@@ -66,7 +66,11 @@ impl Common {
 }
 
 fn number(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| "not a number".into())
+    match text.parse::<f64>() {
+        Ok(x) if x.is_infinite() => Err("it must be a finite number".into()),
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err("not a number".into()),
+    }
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
@@ -84,7 +88,11 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
-    Duration::try_from_secs_f64(not_negative(text)?).map_err(|_| "it is too long".into())
+    const TOO_LONG: &str = "it is too long; without --max-time there is no limit";
+    if text.parse() == Ok(f64::INFINITY) {
+        return Err(TOO_LONG.into());
+    }
+    Duration::try_from_secs_f64(not_negative(text)?).map_err(|_| TOO_LONG.into())
 }
 
 fn definition(text: &str) -> Result<(String, String), String> {
@@ -137,6 +145,7 @@ mod tests {
         for wrong in ["0", "-1", "2", "nan", "inf", "x"] {
             assert!(fraction(wrong).is_err(), "{wrong}");
         }
+        assert!(seconds("inf").is_err_and(|e| e.contains("no limit")));
         assert!(seconds("1e300").is_err() && seconds("-1").is_err() && seconds("0.5").is_ok());
         assert_eq!(definition("a=b=c"), Ok(("a".into(), "b=c".into())));
         assert!(definition("=b").is_err() && definition("ab").is_err());

@@ -124,6 +124,10 @@ fn parse(text: &str) -> Result<Points, Fault> {
 
 /// Where the six columns stand.
 fn find_columns(header: &[Field]) -> Result<[usize; 6], Fault> {
+    if header.iter().all(|f| f.text.trim().parse::<f64>().is_ok()) {
+        let message = "the first line holds numbers, where the columns' names should be";
+        return Err(fault(header[0].place, message, NAME_COLUMNS));
+    }
     for (i, field) in header.iter().enumerate() {
         let name = field.text.trim();
         if header[..i].iter().any(|f| f.text.trim() == name) {
@@ -142,13 +146,20 @@ fn find_columns(header: &[Field]) -> Result<[usize; 6], Fault> {
     for (place, name) in places.iter_mut().zip(COLUMNS) {
         match header.iter().position(|f| f.text.trim() == name) {
             Some(at) => *place = at,
-            None => {
-                let message = format!("the table has no column '{name}'");
-                return Err(fault(header[0].place, message, NAME_COLUMNS));
-            }
+            None => return Err(missing(header, name)),
         }
     }
     Ok(places)
+}
+
+/// What is wrong with a header that does not name a column.
+fn missing(header: &[Field], name: &str) -> Fault {
+    let like = |f: &&Field| f.text.trim().trim_matches('"').to_lowercase() == name;
+    if let Some(field) = header.iter().find(like) {
+        let message = format!("the column '{name}' is called '{}'", field.text.trim());
+        return fault(field.place, message, "names are written in small letters");
+    }
+    fault(header[0].place, format!("the table has no column '{name}'"), NAME_COLUMNS)
 }
 
 /// The receiver of a row.
@@ -315,6 +326,8 @@ mod tests {
             ("", "t.csv:1:1", "empty"),
             ("\n\n", "t.csv:1:1", "empty"),
             ("x,y,z,nx,ny\n", "t.csv:1:1", "no column 'nz'"),
+            ("0,0,1,0,0,1\n", "t.csv:1:1", "the first line holds numbers"),
+            ("x,y,Z,nx,ny,nz\n", "t.csv:1:5", "'z' is called 'Z'"),
             ("x;y;z;nx;ny;nz\n", "t.csv:1:1", "separated by ';'"),
             ("x\ty\tz\n", "t.csv:1:1", "separated by tabs"),
             ("x,y,z,nx,ny,nz,x\n", "t.csv:1:16", "two columns are called 'x'"),

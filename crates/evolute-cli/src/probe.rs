@@ -61,6 +61,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     let to_stdout = arguments.output == Path::new("-");
     if !to_stdout {
         check_target(&arguments.output)?;
+        check_input(arguments)?;
     }
     let deadline = Deadline::new(common);
     let points = read_points(&arguments.points)?;
@@ -202,14 +203,36 @@ fn format_of(output: &Path) -> Result<Format, Failure> {
     }
 }
 
+/// Refuses to write over the table that is read.
+fn check_input(arguments: &Arguments) -> Result<(), Failure> {
+    let place = |path: &Path| path.canonicalize().ok();
+    match (place(&arguments.output), place(&arguments.points)) {
+        (Some(output), Some(input)) if output == input => Err(Failure::Usage(format!(
+            "the result would overwrite the table of points '{}'; give --output another name",
+            arguments.points.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Tables beyond this are refused: what is kept of them while they are read takes some ten times as much.
+const LARGEST_TABLE: u64 = 1 << 30;
+
 fn read_points(path: &Path) -> Result<Points, Failure> {
-    let (bytes, name) = if path == Path::new("-") {
+    let name =
+        if path == Path::new("-") { "standard input".into() } else { path.display().to_string() };
+    let read = || {
         let mut bytes = Vec::new();
-        (std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes), "standard input".into())
-    } else {
-        (std::fs::read(path), path.display().to_string())
+        // A pipe, or a device, may never end.
+        let most = LARGEST_TABLE + 1;
+        if path == Path::new("-") {
+            std::io::stdin().lock().take(most).read_to_end(&mut bytes)?;
+        } else {
+            std::fs::File::open(path)?.take(most).read_to_end(&mut bytes)?;
+        }
+        Ok(bytes)
     };
-    let bytes = bytes.map_err(|e| {
+    let bytes: Vec<u8> = read().map_err(|e: std::io::Error| {
         let why = match e.kind() {
             ErrorKind::NotFound => "there is no such file".into(),
             ErrorKind::IsADirectory => "it is a folder".into(),
@@ -220,6 +243,11 @@ fn read_points(path: &Path) -> Result<Points, Failure> {
             "cannot read the table '{name}': {why}; name a CSV file, or - for standard input"
         ))
     })?;
+    if bytes.len() as u64 > LARGEST_TABLE {
+        return Err(Failure::Input(format!(
+            "the table '{name}' is longer than 1 GiB; split it into several"
+        )));
+    }
     Points::read(&bytes, &name).map_err(Failure::Input)
 }
 

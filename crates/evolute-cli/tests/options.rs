@@ -17,9 +17,10 @@ fn numbers_out_of_range_are_named() {
         ("-a", "NaN", "not a number"),
         ("-a", "1e300", "at most 1"),
         ("--accuracy-abs", "-1e-3", "negative"),
-        ("--accuracy-abs", "inf", "not a number"),
+        ("--accuracy-abs", "inf", "a finite number"),
         ("--max-time", "-1", "negative"),
         ("--max-time", "1e300", "too long"),
+        ("--max-time", "inf", "there is no limit"),
         ("--max-specular", "-1", "0..=256"),
         ("--max-specular", "257", "0..=256"),
         ("-t", "-1", "1..=65535"),
@@ -197,6 +198,17 @@ fn places_that_cannot_be_written_are_found_before_the_work() {
         assert!(stdout(&output).is_empty());
     }
     assert_eq!(folder.names(), ["folder.csv", "s.xml"]);
+}
+
+#[test]
+fn what_is_read_is_not_written_over() {
+    let folder = Folder::new("over");
+    folder.write("s.xml", SCENE);
+    folder.write("p.csv", POINTS);
+    let output = folder.run(&["probe", "s.xml", "--points", "p.csv", "-o", "./p.csv"]);
+    assert_eq!(status(&output), 2);
+    assert!(stderr(&output).contains("the table of points 'p.csv'"), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(folder.0.join("p.csv")).unwrap(), POINTS);
 }
 
 #[test]

@@ -20,7 +20,7 @@ impl Scene {
 
     /// The area of all surfaces, both sides counted [m²].
     pub fn surface_area(&self) -> f64 {
-        self.shapes.iter().map(|shape| 2.0 * shape.surface.area()).sum()
+        self.shapes.iter().fold(0.0, |sum, shape| sum + 2.0 * shape.surface.area())
     }
 }
 

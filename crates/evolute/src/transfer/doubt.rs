@@ -60,10 +60,12 @@ impl Quadrature<'_, '_> {
             return None;
         }
         let letter = self.words.letter(word);
-        // Boxes around the pieces of a surface close to the start say little.
+        // Boxes around the pieces of a surface close to the start say little, and they reach beyond its border,
+        // of which chains on its continuation say where it is.
         let before = self.words.letter(parent);
         let again = (before.shape, before.primitive) == (letter.shape, letter.primitive);
-        if again && !early {
+        let continued = numbers.iter().all(|k| self.samples[*k].is_some());
+        if (again || continued) && !early {
             return None;
         }
         let beam = Beam::of(&mut self.words, parent, place.cell)?;

@@ -35,7 +35,9 @@ impl Fan {
         }
         let mut fan = ArrayVec::new();
         for at in words.met_at(word, MOST_CHAINS) {
-            let Some(departure) = words.departure(word, at).filter(|d| d.is_legal()) else { continue };
+            let Some(departure) = words.departure(word, at).filter(|d| d.is_legal()) else {
+                continue;
+            };
             let start = departure.clone();
             fan.push(leave(words, &start)?);
         }
@@ -58,8 +60,8 @@ impl Fan {
         let parts = |axis: &Vector3| {
             let axis = axis.try_normalize(0.0)?;
             let along = gaps.iter().map(|g| g.dot(&axis));
-            let (low, high) = along
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), g| (l.min(g), h.max(g)));
+            let (low, high) =
+                along.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), g| (l.min(g), h.max(g)));
             Some(low - MARGIN * (high - low) > radius)
         };
         !gaps.iter().chain([&mean]).any(|axis| parts(axis) == Some(true))

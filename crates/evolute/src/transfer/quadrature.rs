@@ -27,6 +27,9 @@ pub const COARSE_LEVEL: u32 = 2;
 /// Cells are not divided below this level: sides still have ten bits for bisection.
 pub const LAST_LEVEL: u32 = 14;
 
+/// When all but this share of the error is in cells that cannot be divided, dividing the others is in vain.
+const SETTLED_SHARE: f64 = 0.1;
+
 /// What is integrated.
 pub enum Term<'s> {
     /// A lamp seen directly.
@@ -89,6 +92,8 @@ pub struct Quadrature<'s, 'l> {
     /// Luminance and error of all leaves so far.
     luminance: f64,
     error: f64,
+    /// Error of leaves that cannot be divided.
+    settled: f64,
     counts: Counts,
 }
 
@@ -115,6 +120,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             queue: BinaryHeap::new(),
             luminance: 0.0,
             error: 0.0,
+            settled: 0.0,
             counts: Counts::default(),
         }
     }
@@ -127,6 +133,11 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     /// Estimated error so far [W/m²].
     pub fn error(&self) -> f64 {
         self.error
+    }
+
+    /// Whether what is left of the error cannot be divided away, but for little of it.
+    pub fn is_settled(&self) -> bool {
+        self.error - self.settled <= SETTLED_SHARE * self.settled
     }
 
     /// Cells so far.
@@ -214,7 +225,9 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         self.error += cell.error;
         let index = self.cells.len() as u32;
         self.cells.push(cell);
-        if level < LAST_LEVEL && cell.error > 0.0 {
+        if level == LAST_LEVEL {
+            self.settled += cell.error;
+        } else if cell.error > 0.0 {
             self.queue.push(Candidate { error: cell.error, cell: index });
         }
     }

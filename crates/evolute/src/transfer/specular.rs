@@ -93,8 +93,9 @@ impl<'s> Transfer<'s> {
             }
             // When no further word may be followed, what was left out stays, and finer cells do not
             // help beyond their own share.
-            let stuck = quadrature.error() <= allowed
-                && (is_full(&quadrature, &left) || left.unseen.error() > allowed);
+            let stuck = (quadrature.error() <= allowed
+                && (is_full(&quadrature, &left) || left.unseen.error() > allowed))
+                || (quadrature.error() > allowed && quadrature.is_settled());
             if stuck
                 || quadrature.cell_count() >= self.settings.max_cells
                 || quadrature.counts().chains >= MAX_CHAINS
@@ -231,8 +232,7 @@ impl<'s> Transfer<'s> {
                 let small = bound < CUT_WORD_SHARE * tolerance(quadrature);
                 let dim = throughput < CUT_THROUGHPUT_SHARE * self.settings.relative;
                 // Whispering chains go on for hundreds of letters by ever the same few points.
-                let whispers =
-                    quadrature.words.run(word) >= WHISPER || reach < self.brightest();
+                let whispers = quadrature.words.run(word) >= WHISPER || reach < self.brightest();
                 let thin = (look.island || whispers) && bound < tolerance(quadrature);
                 if small || dim || thin || is_full(quadrature, left) {
                     left.words.push(LeftWord { word, error: bound, throughput, whispers });
