@@ -102,8 +102,9 @@ impl SolidAngle {
 }
 
 impl NormalVariation {
-    /// Whether the normals of a cell's corners, or the directions of their last legs, differ too much.
-    pub fn differ(&self, corners: &[Option<&FieldSample>; 4]) -> bool {
+    /// Whether the normals of a cell, of which a cone of half the opening `cone` [rad] is proved to hold
+    /// all, or the directions of its corners' last legs differ too much.
+    pub fn divides(&self, corners: &[Option<&FieldSample>; 4], cone: f64) -> bool {
         let differ = |i: usize, j: usize| match (corners[i], corners[j]) {
             (Some(p), Some(q)) => {
                 p.normal.dot(&q.normal) < self.least_cosine
@@ -111,13 +112,9 @@ impl NormalVariation {
             }
             _ => false,
         };
-        (0..4).any(|i| (0..i).any(|j| differ(i, j)))
-    }
-
-    /// Whether normals, of which a cone of half the opening `cone` [rad] is proved to hold all, may differ
-    /// too much, or more than the corners say.
-    pub fn may_differ(&self, corners: &[Option<&FieldSample>; 4], cone: f64) -> bool {
-        cone > self.widest_cone || self.hides(corners, cone)
+        cone > self.widest_cone
+            || (0..4).any(|i| (0..i).any(|j| differ(i, j)))
+            || self.hides(corners, cone)
     }
 
     /// Whether normals, of which a cone of half the opening `cone` [rad] is proved to hold all, may differ

@@ -11,7 +11,7 @@ use super::boundary::{Border, border};
 use super::chain::MAX_CHAIN_EDGES;
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
-use super::interpolant::{Corners, Interpolant, Light, is_dark, is_far};
+use super::interpolant::{Corners, Interpolant, Light, is_dark};
 use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
 use super::quadrature::{LAST_LEVEL, Quadrature, Term};
@@ -165,11 +165,7 @@ impl Quadrature<'_, '_> {
             }
             _ => true,
         };
-        // Chains that differ do not matter where all are far outside a border or the lamp's outline.
-        let bent = real
-            && c.normal_variation.is_some_and(|c| {
-                c.may_differ(&corners, cone) || (c.differ(&corners) && !is_far(&corners, h))
-            });
+        let bent = real && c.normal_variation.is_some_and(|c| c.divides(&corners, cone));
         if large || (matters && coarse && bent) {
             return Ok(Estimate::DIVIDE);
         }

@@ -14,8 +14,6 @@ use crate::optics::Dual;
 const CUT_SHARE: f64 = 1e-3;
 /// A cell is dark when an edge function is negative by this share of how far its polynomial bends.
 const DARK_MARGIN: f64 = 0.5;
-/// How many times more a cell is held to whose chains differ much.
-const FAR_CAUTION: usize = 6;
 /// Share of an edge function's bend in a cell by which it may be off where no sample is positive.
 const UNSEEN_MARGIN: f64 = 0.5;
 /// Share of a gradient's residual that counts as a value's: the residual of a quartic has that slope
@@ -333,16 +331,6 @@ pub fn misses(samples: &[&FieldSample], reach: f64) -> bool {
 /// `caution`.
 pub fn is_dark(edge: &Patch, caution: usize) -> bool {
     edge.bounds().1 < -DARK_MARGIN * caution as f64 * edge.plane().0
-}
-
-/// Whether chains exist at all corners of a cell of side `h` and are so far outside of one edge that how they
-/// differ does not matter.
-pub fn is_far(corners: &Corners<'_>, h: f64) -> bool {
-    let count = corners.iter().map(|c| c.map_or(0, |s| s.edges.len())).min().unwrap_or(0);
-    (0..count).any(|k| {
-        corners.iter().flatten().all(|s| s.edges[k].v < 0.0)
-            && is_dark(&hermite(corners, h, |s| s.edges[k]), FAR_CAUTION)
-    })
 }
 
 /// An upper estimate of the area that a constraint's zero sweeps when it is shifted, as a part of the

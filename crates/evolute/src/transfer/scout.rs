@@ -10,6 +10,7 @@ use std::cell::OnceCell;
 
 use arrayvec::ArrayVec;
 
+use super::chain::Departure;
 use super::extension::facet;
 use super::grid::GridPoint;
 use super::landing::{Square, Target};
@@ -45,7 +46,7 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32) {
 /// A surface, or one facet of it.
 type Piece = (ShapeId, Option<u32>);
 
-/// The last legs of the legal chains at the corners of a cell.
+/// The last legs of the chains at the corners of a cell, of which one at least is legal.
 pub struct Beam {
     /// Where they leave the last surface [m].
     starts: ArrayVec<Point3, 4>,
@@ -73,17 +74,36 @@ impl Beam {
             known: ArrayVec::new(),
             most: 0.0,
         };
+        let mut illegal: ArrayVec<GridPoint, 4> = ArrayVec::new();
         for at in around(cell) {
-            let departure = words.reached(word, at).filter(|d| d.is_legal());
-            let Some(departure) = departure else { continue };
-            let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
-            beam.starts.push(o);
-            beam.ends.push(departure.next.map_or(o + d * reach, |hit| hit.anchor.point.x));
-            let met = departure.next.map(|hit| hit.anchor);
-            beam.known.extend(met.map(|a| piece(a.shape, a.point.primitive)));
-            beam.most = beam.most.max(departure.weight.v.abs() * departure.lossless_throughput());
+            match words.reached(word, at).filter(|d| d.is_legal()) {
+                None => illegal.push(at),
+                Some(departure) => {
+                    beam.add(departure, reach);
+                    let met = departure.next.map(|hit| hit.anchor);
+                    beam.known.extend(met.map(|a| piece(a.shape, a.point.primitive)));
+                }
+            }
+        }
+        // Where some are legal and others are not, legal chains between run towards those beyond the border; from
+        // a plane they run where those that are legal point.
+        let surface = &scene.shape(from.0).surface;
+        let plane = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_) | Surface::Mesh(_));
+        if !beam.starts.is_empty() && !plane {
+            for at in illegal {
+                if let Some(departure) = words.departure(word, at) {
+                    beam.add(departure, reach);
+                }
+            }
         }
         (!beam.starts.is_empty()).then_some(beam)
+    }
+
+    fn add(&mut self, departure: &Departure, reach: f64) {
+        let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
+        self.starts.push(o);
+        self.ends.push(departure.next.map_or(o + d * reach, |hit| hit.anchor.point.x));
+        self.most = self.most.max(departure.weight.v.abs() * departure.lossless_throughput());
     }
 
     /// Whether a surface may be met as the last letter of a word that follows.
