@@ -68,7 +68,7 @@ impl Quadrature<'_, '_> {
         if (again || continued) && !early {
             return None;
         }
-        let beam = Beam::of(&mut self.words, parent, place.cell)?;
+        let beam = Beam::of(&mut self.words, parent, place.cell, false)?;
         let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
         beam.may_meet(self.words.scene(), self.words.tracer(), letter)
             .then_some(DOUBT_SHARE * whole)
@@ -83,19 +83,24 @@ impl Quadrature<'_, '_> {
             inside.into_iter().map(|at| self.sample(place.term, at)).collect();
         let scene = self.words.scene();
         let specular = |shape: ShapeId| scene.shape(shape).material.is_specular();
-        let ending: Vec<&FieldSample> = numbers
-            .iter()
-            .filter_map(|k| self.samples[*k].as_ref())
-            .filter(|s| s.sight == Sight::On || !s.next.is_some_and(specular))
-            .collect();
+        let known: Vec<&FieldSample> =
+            numbers.iter().filter_map(|k| self.samples[*k].as_ref()).collect();
+        let ends = |s: &&FieldSample| s.sight == Sight::On || !s.next.is_some_and(specular);
+        let ending: Vec<&FieldSample> = known.iter().copied().filter(ends).collect();
+        let luminance = self.lamps[lamp].radiance.luminance();
+        let brightest =
+            |of: &[&FieldSample]| of.iter().fold(0f64, |m, s| m.max(s.weight[0].v.abs()));
+        let whole = place.size() * place.size();
+        let most_area = AREA_MARGIN * self.words.area(word);
+        // That a few chains all go on says little of the others in a large cell.
+        if ending.is_empty() && place.cell.level < FIRST_LEVEL + GUESSED_LEVELS {
+            return DOUBT_SHARE * brightest(&known) * whole.min(most_area) * luminance;
+        }
         if misses(&ending, place.size()) {
             return 0.0;
         }
-        let most = ending.iter().fold(0f64, |most, s| most.max(s.weight[0].v.abs()));
         // Of the cell, as much as of the chains that are known; of the domain, as much as it seemed.
         let met = ending.len() as f64;
-        let share = place.size() * place.size() * met / (met + 5.0);
-        most * share.min(AREA_MARGIN * self.words.area(word))
-            * self.lamps[lamp].radiance.luminance()
+        brightest(&ending) * (whole * met / (met + 5.0)).min(most_area) * luminance
     }
 }

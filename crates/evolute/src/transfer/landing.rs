@@ -74,6 +74,13 @@ impl Square {
         GridPoint { i: self.i, j: self.j }
     }
 
+    /// Its corners, in order around it.
+    pub fn corners(&self) -> [GridPoint; 4] {
+        let (GridPoint { i, j }, side) = (self.corner(), self.side());
+        [(0, 0), (side, 0), (side, side), (0, side)]
+            .map(|(di, dj)| GridPoint { i: i + di, j: j + dj })
+    }
+
     /// Side in the domain.
     pub fn size(&self) -> f64 {
         1.0 / f64::from(1u32 << self.level)

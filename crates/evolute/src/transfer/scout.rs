@@ -13,10 +13,13 @@ use arrayvec::ArrayVec;
 use super::chain::Departure;
 use super::extension::facet;
 use super::grid::GridPoint;
+use super::interpolant::is_dark;
 use super::landing::{Square, Target};
+use super::polynomial::Patch;
 use super::shaft::{Body, Shaft, separated};
 use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3};
+use crate::optics::Dual;
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Parametric, Surface};
 use crate::trace::Tracer;
@@ -24,23 +27,47 @@ use crate::trace::Tracer;
 /// Divisions of the first grid's cells in search of letters.
 const SCOUTED_LEVELS: u32 = 4;
 
-/// Traces chains of a word in the cells of its first grid through which a specular surface may be met
-/// that none of their corners' chains meets.
-pub fn scout(words: &mut Words<'_>, word: WordId, first: u32) {
+/// Traces chains of a word in the cells of its first grid in which a legal one may be though none at a corner
+/// is, and, if `for_letters`, through which a specular surface may be met that none of the corners' meets.
+pub fn scout(words: &mut Words<'_>, word: WordId, first: u32, for_letters: bool) {
     let n = 1u32 << first;
     for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-        scout_cell(words, word, Square::nth(first, i, j), first + SCOUTED_LEVELS);
+        scout_cell(words, word, Square::nth(first, i, j), first + SCOUTED_LEVELS, for_letters);
     }
 }
 
-fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32) {
-    let beam = Beam::of(words, word, cell);
-    if cell.level == last || !beam.is_some_and(|beam| beam.may_meet_more(words, word)) {
-        return;
+fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_letters: bool) {
+    let divide = cell.level < last
+        && match Beam::of(words, word, cell, true) {
+            Some(beam) => for_letters && beam.may_meet_more(words, word),
+            None => may_be_legal(words, word, cell),
+        };
+    if divide {
+        for child in cell.children() {
+            scout_cell(words, word, child, last, for_letters);
+        }
+    } else {
+        words.set_scouted(word, cell);
     }
-    for child in cell.children() {
-        scout_cell(words, word, child, last);
-    }
+}
+
+/// Whether legal chains of a word may be in a cell that has none at its corners: no border of the chain says
+/// that all of it is outside. What lies between the borders of two mirrors may be much narrower than a cell.
+fn may_be_legal(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
+    let [p, q, r, s] = cell.corners();
+    let corners = [p, q, s, r].map(|at| words.departure(word, at).map(|d| d.edges.clone()));
+    let known = || corners.iter().flatten();
+    let count = known().map(|edges| edges.len()).min().unwrap_or(0);
+    known().next().is_some()
+        && !(0..count).any(|k| {
+            let values: [Option<Dual>; 4] = corners.each_ref().map(|c| c.as_ref().map(|e| e[k]));
+            match values {
+                [Some(p), Some(q), Some(r), Some(s)] => {
+                    is_dark(&Patch::hermite(&[p, q, r, s], cell.size(), cell.size()), 1)
+                }
+                _ => values.iter().flatten().all(|e| e.v < 0.0),
+            }
+        })
 }
 
 /// A surface, or one facet of it.
@@ -61,8 +88,9 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// The beam of a word's chains in a cell; `None` if none of its corners' is legal.
-    pub fn of(words: &mut Words<'_>, word: WordId, cell: Square) -> Option<Self> {
+    /// The beam of a word's chains in a cell; `None` if none of its corners' is legal. From a plane, chains
+    /// beyond its border count only if it is to be `wide`: bodies with many faces have many borders.
+    pub fn of(words: &mut Words<'_>, word: WordId, cell: Square, wide: bool) -> Option<Self> {
         let (scene, reach) = (words.scene(), words.tracer().bounds().diagonal());
         let piece = |shape, primitive| (shape, facet(&scene.shape(shape).surface, primitive));
         let from = words.letter(word);
@@ -75,7 +103,7 @@ impl Beam {
             most: 0.0,
         };
         let mut illegal: ArrayVec<GridPoint, 4> = ArrayVec::new();
-        for at in around(cell) {
+        for at in cell.corners() {
             match words.reached(word, at).filter(|d| d.is_legal()) {
                 None => illegal.push(at),
                 Some(departure) => {
@@ -85,11 +113,10 @@ impl Beam {
                 }
             }
         }
-        // Where some are legal and others are not, legal chains between run towards those beyond the border; from
-        // a plane they run where those that are legal point.
+        // Where some are legal and others are not, legal chains between run towards those beyond the border.
         let surface = &scene.shape(from.0).surface;
         let plane = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_) | Surface::Mesh(_));
-        if !beam.starts.is_empty() && !plane {
+        if !beam.starts.is_empty() && (wide || !plane) {
             for at in illegal {
                 if let Some(departure) = words.departure(word, at) {
                     beam.add(departure, reach);
@@ -171,10 +198,4 @@ impl Beam {
         let first = sides.next().unwrap_or(0);
         first != 0 && sides.all(|side| side == first)
     }
-}
-
-/// The corners of a cell, in order around it.
-fn around(cell: Square) -> [GridPoint; 4] {
-    let (GridPoint { i, j }, side) = (cell.corner(), cell.side());
-    [(0, 0), (side, 0), (side, side), (0, side)].map(|(di, dj)| GridPoint { i: i + di, j: j + dj })
 }

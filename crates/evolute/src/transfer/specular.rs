@@ -334,8 +334,8 @@ impl<'s> Transfer<'s> {
                 quadrature.words.departure(word, at);
             });
         }
-        if !coarse && self.settings.criteria.matching_trees.is_some() {
-            scout(&mut quadrature.words, word, first);
+        if self.settings.criteria.matching_trees.is_some() {
+            scout(&mut quadrature.words, word, first, throughput >= COARSE_THROUGHPUT);
         }
         self.continued(quadrature, word, left)
     }

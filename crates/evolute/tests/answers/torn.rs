@@ -94,6 +94,18 @@ fn rod() {
     compare("rod");
 }
 
+/// An end that is met after three reflections, from a strip beside which the chains before leave their surface.
+#[test]
+fn thick_rod() {
+    compare("thick_rod");
+}
+
+/// Mirrors that face each other: every further reflection comes from a narrower strip.
+#[test]
+fn facing() {
+    compare("facing");
+}
+
 /// The same in a glass body with faces, by total reflection.
 #[test]
 fn prism() {
