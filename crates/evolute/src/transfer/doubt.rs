@@ -11,6 +11,7 @@ use super::quadrature::{FIRST_LEVEL, Quadrature};
 use super::scout::Beam;
 use super::word::WordId;
 use crate::scene::ShapeId;
+use crate::surface::Surface;
 
 /// The part of the domain that a word's chains come from is known from samples: this covers what lies
 /// between them.
@@ -68,7 +69,9 @@ impl Quadrature<'_, '_> {
         if (again || continued) && !early {
             return None;
         }
-        let beam = Beam::of(&mut self.words, parent, place.cell, false)?;
+        // Bodies with many faces have many borders, and a wave meets itself beyond its own.
+        let beyond = !again && !self.is_plane(before.shape);
+        let beam = Beam::of(&mut self.words, parent, place.cell, beyond)?;
         let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
         beam.may_meet(self.words.scene(), self.words.tracer(), letter)
             .then_some(DOUBT_SHARE * whole)
@@ -81,6 +84,7 @@ impl Quadrature<'_, '_> {
         let inside = self.words.known_from(word, self.lamps[lamp].target(), place.cell);
         let numbers: Vec<usize> =
             inside.into_iter().map(|at| self.sample(place.term, at)).collect();
+        let corners = place.corners().map(|at| self.sample(place.term, at));
         let scene = self.words.scene();
         let specular = |shape: ShapeId| scene.shape(shape).material.is_specular();
         let known: Vec<&FieldSample> =
@@ -92,8 +96,11 @@ impl Quadrature<'_, '_> {
             |of: &[&FieldSample]| of.iter().fold(0f64, |m, s| m.max(s.weight[0].v.abs()));
         let whole = place.size() * place.size();
         let most_area = AREA_MARGIN * self.words.area(word);
-        // That a few chains all go on says little of the others in a large cell.
-        if ending.is_empty() && place.cell.level < FIRST_LEVEL + GUESSED_LEVELS {
+        // That a few chains all go on says little of the others in a large cell whose corners say nothing: from a
+        // plane mirror's corners chains may run away from the next one. On curved surfaces such cells abound.
+        let bare = self.is_plane(self.words.letter(word).shape)
+            && corners.iter().all(|k| self.samples[*k].is_none());
+        if ending.is_empty() && bare && place.cell.level < FIRST_LEVEL + GUESSED_LEVELS {
             return DOUBT_SHARE * brightest(&known) * whole.min(most_area) * luminance;
         }
         if misses(&ending, place.size()) {
@@ -102,5 +109,10 @@ impl Quadrature<'_, '_> {
         // Of the cell, as much as of the chains that are known; of the domain, as much as it seemed.
         let met = ending.len() as f64;
         brightest(&ending) * (whole * met / (met + 5.0)).min(most_area) * luminance
+    }
+
+    fn is_plane(&self, shape: ShapeId) -> bool {
+        let surface = &self.words.scene().shape(shape).surface;
+        matches!(surface, Surface::Rectangle(_) | Surface::Disk(_) | Surface::Mesh(_))
     }
 }

@@ -88,9 +88,9 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// The beam of a word's chains in a cell; `None` if none of its corners' is legal. From a plane, chains
-    /// beyond its border count only if it is to be `wide`: bodies with many faces have many borders.
-    pub fn of(words: &mut Words<'_>, word: WordId, cell: Square, wide: bool) -> Option<Self> {
+    /// The beam of a word's chains in a cell; `None` if none of its corners' is legal. If one is, those
+    /// `beyond` a border may count, too.
+    pub fn of(words: &mut Words<'_>, word: WordId, cell: Square, beyond: bool) -> Option<Self> {
         let (scene, reach) = (words.scene(), words.tracer().bounds().diagonal());
         let piece = |shape, primitive| (shape, facet(&scene.shape(shape).surface, primitive));
         let from = words.letter(word);
@@ -114,9 +114,7 @@ impl Beam {
             }
         }
         // Where some are legal and others are not, legal chains between run towards those beyond the border.
-        let surface = &scene.shape(from.0).surface;
-        let plane = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_) | Surface::Mesh(_));
-        if !beam.starts.is_empty() && (wide || !plane) {
+        if !beam.starts.is_empty() && beyond {
             for at in illegal {
                 if let Some(departure) = words.departure(word, at) {
                     beam.add(departure, reach);
