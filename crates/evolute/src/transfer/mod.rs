@@ -19,6 +19,7 @@ mod grid;
 mod interpolant;
 mod lamp;
 mod landing;
+mod left;
 mod look;
 mod polynomial;
 mod quadrature;

@@ -1,7 +1,5 @@
 //! One receiver's light: terms in order of depth, then the queue over all their cells.
 
-use std::collections::HashSet;
-
 use super::Transfer;
 use super::chain::{Departure, Event};
 use super::diffuse::{lambert, polygons};
@@ -9,12 +7,13 @@ use super::domain::Domain;
 use super::fan::Fan;
 use super::field::DirectField;
 use super::grid::GridPoint;
+use super::left::{Left, LeftWord, MAX_CHAINS, is_full};
 use super::look::{grid, look};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
 use super::scout::scout;
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
-use super::unseen::{Brake, Unseen, UnseenParts};
+use super::unseen::{Brake, Unseen};
 use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
@@ -34,19 +33,12 @@ const COARSE_THROUGHPUT: f64 = 0.1;
 const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 /// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
 const MAX_SUSPECTS: usize = 64;
-/// Chains of one receiver beyond which it is given up: all are kept, a kilobyte or two each, and a cell of
-/// a word of fifty letters needs fifty of each of its chains.
-const MAX_CHAINS: u64 = 500_000;
 /// From so many reflections in a row by one side of one surface on, chains whisper along it.
 const WHISPER: usize = 16;
 /// From so many reflections on it is asked where the chains leave the surface.
 const FAN_RUN: usize = 4;
 /// Share of the brightest lamp that chains are held to come to of which samples say that they do not.
 const FAN_DOUBT: f64 = 0.01;
-/// Share of its error that following a whispering word is taken to gain.
-const WHISPER_SHARE: f64 = 0.01;
-/// Most words a receiver follows; what is beyond is added to the error.
-const MAX_WORDS: usize = 2048;
 
 impl<'s> Transfer<'s> {
     pub(super) fn gather(
@@ -384,63 +376,6 @@ fn possible(irradiance: Rgb, most: f64) -> Rgb {
     let positive = irradiance.map(|v| v.max(0.0));
     let luminance = positive.luminance();
     if luminance > most { positive * (most / luminance) } else { positive }
-}
-
-/// Whether no further word may be followed.
-fn is_full(quadrature: &Quadrature<'_, '_>, left: &Left) -> bool {
-    left.followed >= MAX_WORDS || quadrature.counts().chains >= MAX_CHAINS
-}
-
-/// A word that was left out and what it is reckoned to be worth.
-struct LeftWord {
-    word: WordId,
-    error: f64,
-    throughput: f64,
-    /// Whether its chains whisper along one surface.
-    whispers: bool,
-}
-
-impl LeftWord {
-    /// What following it may gain beside what dividing a cell gains: one more reflection of a whisper
-    /// leaves the next word as much to wait for.
-    fn gain(&self) -> f64 {
-        if self.whispers { WHISPER_SHARE * self.error } else { self.error }
-    }
-}
-
-/// What was left out of one receiver.
-struct Left {
-    words: Vec<LeftWord>,
-    /// Words of which no chain that carries light is known yet.
-    unmet: HashSet<WordId>,
-    followed: usize,
-    unseen: UnseenParts,
-}
-
-impl Left {
-    /// Nothing; what is not looked at will be worth no more than `most` [W/m²].
-    fn up_to(most: f64) -> Self {
-        Self {
-            words: Vec::new(),
-            unmet: HashSet::new(),
-            followed: 0,
-            unseen: UnseenParts::up_to(most),
-        }
-    }
-
-    fn error(&self) -> f64 {
-        self.words.iter().map(|w| w.error).sum::<f64>() + self.unseen.error()
-    }
-
-    fn worst(&self) -> f64 {
-        self.words.iter().fold(0.0, |m, w| m.max(w.gain()))
-    }
-
-    fn take_worst(&mut self) -> Option<LeftWord> {
-        let worst = self.worst();
-        let at = self.words.iter().position(|w| w.gain() == worst)?;
-        Some(self.words.remove(at))
-    }
 }
 
 impl Transfer<'_> {
