@@ -8,6 +8,8 @@
 //! in the cell, which falls with the square of its size. A surface is not held against the legs that
 //! end on it: that it hides itself is left to samples.
 
+use std::cell::OnceCell;
+
 use arrayvec::ArrayVec;
 
 use super::grid::GridPoint;
@@ -17,11 +19,6 @@ use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3};
 use crate::scene::ShapeId;
 use crate::surface::Surface;
-
-/// Most primitives that are looked at one by one in a leg's box.
-const MAX_SUSPECTS: usize = 64;
-/// Divisions down to which a cell with more than that in its box counts as doubtful.
-const MANY: u32 = 2;
 
 /// Whether something may hide a part of a lamp from the chains of a word at and between four grid
 /// points, in order around a cell that many divisions below the first grid.
@@ -81,24 +78,23 @@ impl Leg {
         to: Option<ShapeId>,
     ) -> bool {
         let bounds = Aabb::around(self.starts.iter().chain(ends).copied());
-        let mut found = Vec::new();
-        if !words.tracer().occluders_in(&bounds, &mut found, MAX_SUSPECTS) {
-            return self.divisions < MANY;
-        }
-        if found.iter().all(|(shape, _)| self.is_end(words, *shape, to)) {
-            return false;
-        }
-        let shaft = match self.starts.as_slice() {
-            [apex] => Shaft::new(apex, ends),
-            starts => Shaft::between(starts, ends),
+        let shaft = OnceCell::new();
+        let shaft = || {
+            shaft.get_or_init(|| match self.starts.as_slice() {
+                [apex] => Shaft::new(apex, ends),
+                starts => Shaft::between(starts, ends),
+            })
         };
-        found.iter().any(|&(shape, primitive)| {
-            if self.is_end(words, shape, to) {
-                return false;
-            }
-            let (body, counts) = Body::of(words.scene(), shape, primitive);
-            self.divisions < counts && !shaft.excludes(&body)
-        })
+        words.tracer().any_in(
+            &bounds,
+            |b| !shaft().keeps_out(b),
+            |shape, primitive| {
+                !self.is_end(words, shape, to) && {
+                    let (body, counts) = Body::of(words.scene(), shape, primitive);
+                    self.divisions < counts && !shaft().excludes(&body)
+                }
+            },
+        )
     }
 
     /// Whether the leg starts or ends on a shape, or in its plane.

@@ -51,13 +51,22 @@ impl Step {
     }
 }
 
+/// What stands in a chain's way, and in which of its legs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Blocker {
+    /// The body.
+    pub shape: ShapeId,
+    /// How many letters come before the leg.
+    pub leg: u32,
+}
+
 /// Whether the legs of a chain so far are free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Visibility {
     /// Nothing in the way.
     Free,
-    /// Something stands in a leg: which shape, if it is known.
-    Blocked(Option<ShapeId>),
+    /// Something stands in a leg: what, if it is known.
+    Blocked(Option<Blocker>),
     /// The chain is beyond a border, where an edge function decides.
     Beyond,
 }

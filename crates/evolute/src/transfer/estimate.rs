@@ -8,7 +8,7 @@ use arrayvec::ArrayVec;
 
 use super::beam::may_hide;
 use super::boundary::{Border, border};
-use super::chain::MAX_CHAIN_EDGES;
+use super::chain::{Blocker, MAX_CHAIN_EDGES};
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
 use super::interpolant::{Corners, Interpolant, Light, is_dark};
@@ -184,7 +184,7 @@ impl Quadrature<'_, '_> {
             .chain([&centre])
             .flatten()
             .any(|s| s.sight == Sight::Off && s.is_inside());
-        let blockers: ArrayVec<ShapeId, 5> =
+        let blockers: ArrayVec<Blocker, 5> =
             corners.iter().chain([&centre]).flatten().filter_map(|s| s.blocker).collect();
         // Torn for no reason that is known: the chain exists at some of the samples, and not at others.
         let torn = guessed
@@ -271,7 +271,11 @@ impl Quadrature<'_, '_> {
                 // Where a sample on the outline is hidden, too, the lit part is sampled as densely as a
                 // cell of which all five rays are hidden.
                 if hidden {
-                    return Err(Darkness::NoLight);
+                    if self.hide_lit_part(place, &interpolant) {
+                        return Err(Darkness::NoLight);
+                    }
+                    let error = HIDDEN_SHARE * whole;
+                    return Ok(Estimate { error, ..Estimate::DARK });
                 }
                 // Hidden, as far as one ray tells.
                 return Ok(Estimate { integral: Rgb::BLACK, error: whole, divide: false });
@@ -288,6 +292,10 @@ impl Quadrature<'_, '_> {
                 Border::Cut(patch, doubt) => {
                     integral = interpolant.behind(*patch, tolerance);
                     error = error.min(whole) + (interpolant.most() * doubt).min(whole);
+                    let watched = through && whole > WATCHED_SHARE * tolerance;
+                    if watched && !self.is_as_cut(place, &mut interpolant) {
+                        error = whole;
+                    }
                 }
                 Border::Tangled => {
                     integral = integral.map(|v| 0.5 * v);
@@ -338,6 +346,15 @@ impl Quadrature<'_, '_> {
         hidden.count() as f64 / points.len().max(1) as f64
     }
 
+    /// Whether a few points on either side of a border, the last of the cuts, are seen or not as the border says.
+    fn is_as_cut(&mut self, place: &Place, interpolant: &mut Interpolant) -> bool {
+        [true, false].into_iter().all(|seen| {
+            let points = interpolant.lit_points();
+            interpolant.turn_last_cut();
+            points.into_iter().all(|(a, b)| self.sees(place.term, place.at(a, b)) == seen)
+        })
+    }
+
     /// Whether one of a few points of the lit part is seen to be lit.
     fn is_lit_somewhere(&mut self, place: &Place, interpolant: &Interpolant) -> bool {
         interpolant.lit_points().iter().any(|(a, b)| {
@@ -346,15 +363,27 @@ impl Quadrature<'_, '_> {
         })
     }
 
-    /// Whether bodies hide a whole cell if each of its five rays meets one: the same one, and at first
-    /// one that has no gaps of its own.
-    fn hide_all(&self, blockers: &[ShapeId], first_cells: bool) -> bool {
+    /// Whether bodies hide all of the lit part of a cell, as far as samples of it tell.
+    fn hide_lit_part(&mut self, place: &Place, interpolant: &Interpolant) -> bool {
+        let inner = interpolant.lit_points().into_iter().map(|(a, b)| place.at(a, b));
+        let points = place.corners().into_iter().chain([place.at(0.5, 0.5)]).chain(inner);
+        let numbers: Vec<usize> = points.map(|at| self.sample(place.term, at)).collect();
+        let samples = numbers.iter().filter_map(|k| self.samples[*k].as_ref());
+        let hidden = samples.filter(|s| s.sight == Sight::Off && s.is_inside());
+        let blockers: Vec<Blocker> = hidden.filter_map(|s| s.blocker).collect();
+        self.hide_all(&blockers, place.cell.level < self.first[place.term] + 2)
+    }
+
+    /// Whether bodies hide a whole cell if each of its five rays meets one: the same one, on the same leg (there
+    /// may be light between its shadow on the way to a mirror and that on the way back), and at first one that
+    /// has no gaps of its own.
+    fn hide_all(&self, blockers: &[Blocker], first_cells: bool) -> bool {
         let Some(one) = blockers.first() else { return true };
         let solid = |shape: ShapeId| match &self.words.scene().shape(shape).surface {
             Surface::Mesh(m) => m.triangles().len() <= SOLID_TRIANGLES,
             _ => true,
         };
-        (!first_cells || solid(*one)) && blockers.iter().all(|b| b == one)
+        (!first_cells || solid(one.shape)) && blockers.iter().all(|b| b == one)
     }
 
     /// Whether something reaches into the beam of a cell of a word between the rays that were asked.

@@ -2,7 +2,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Departure, MAX_CHAIN_EDGES, Visibility};
+use super::chain::{Blocker, Departure, MAX_CHAIN_EDGES, Visibility};
 use super::cut::MAX_CONSTRAINTS;
 use super::domain::Domain;
 use super::extension::over_the_far_rim;
@@ -46,7 +46,7 @@ pub struct FieldSample {
     /// Whether something stands in the way.
     pub sight: Sight,
     /// What does, if it is known.
-    pub blocker: Option<ShapeId>,
+    pub blocker: Option<Blocker>,
     /// Normal of the first surface.
     pub normal: Vector3,
     /// Direction of the last leg.
@@ -158,13 +158,13 @@ pub fn sample_through(
     lamp: &Lamp,
     at: GridPoint,
 ) -> Option<FieldSample> {
-    let scene = words.scene();
+    let (scene, depth) = (words.scene(), words.depth(word));
     let departure = words.departure(word, at)?;
     let mut edges: ArrayVec<Dual, MAX_FIELD_EDGES> = departure.edges.iter().copied().collect();
     let outline = lamp.edges(&departure.ray);
     let on_lamp = outline.iter().all(|e| e.v > 0.0);
     edges.extend(outline);
-    let (mut sight, blocker) = sight(departure, lamp, scene, on_lamp);
+    let (mut sight, blocker) = sight(departure, lamp, scene, on_lamp, depth);
     if let Surface::Cylinder(cylinder) = &scene.shape(departure.anchor.shape).surface {
         // The far wall is the one occluder that has an edge function.
         let end = lamp.passes_at(&departure.ray).unwrap_or(f64::INFINITY);
@@ -197,7 +197,8 @@ fn sight(
     lamp: &Lamp,
     scene: &Scene,
     on_outline: bool,
-) -> (Sight, Option<ShapeId>) {
+    leg: u32,
+) -> (Sight, Option<Blocker>) {
     match departure.visible {
         Visibility::Blocked(by) => return (Sight::Off, by),
         Visibility::Beyond => return (Sight::Unknown, None),
@@ -205,7 +206,7 @@ fn sight(
     }
     let next = departure.next.as_ref();
     let on_lamp = next.is_some_and(|h| lamp.is_hit(&h.anchor, scene));
-    let by = next.map(|h| h.anchor.shape);
+    let by = next.map(|h| Blocker { shape: h.anchor.shape, leg });
     if !lamp.has_outline() {
         // The tracer alone knows; its hits on the back are told by the caller's radiance side.
         return if on_lamp { (Sight::On, None) } else { (Sight::Off, by) };

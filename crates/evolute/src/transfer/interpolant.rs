@@ -12,6 +12,8 @@ use crate::optics::Dual;
 
 /// Share of the tolerance that one cell's curves may be straightened for.
 const CUT_SHARE: f64 = 1e-3;
+/// Share of a cell to which its lit part is known for its centroid to be found.
+const CENTROID_ACCURACY: f64 = 1e-4;
 /// A cell is dark when an edge function is negative by this share of how far its polynomial bends.
 const DARK_MARGIN: f64 = 0.5;
 /// Share of an edge function's bend in a cell by which it may be off where no sample is positive.
@@ -216,6 +218,13 @@ impl Interpolant {
         cut_integral(&self.weights, &self.cuts, self.straightening(tolerance))
     }
 
+    /// Puts the other side of the last cut in the place of the one that counts.
+    pub fn turn_last_cut(&mut self) {
+        if let Some(cut) = self.cuts.last_mut() {
+            *cut = Patch(cut.0.map(|c| -c));
+        }
+    }
+
     /// Whether edge functions vanish in the cell.
     pub fn is_cut(&self) -> bool {
         !self.cuts.is_empty()
@@ -233,10 +242,12 @@ impl Interpolant {
         best.1
     }
 
-    /// Up to five points of the lit part: the one where the least edge function is largest, and the
-    /// outermost ones of a coarse grid along both diagonals.
-    pub fn lit_points(&self) -> ArrayVec<(f64, f64), 5> {
+    /// Up to six points of the lit part: its centroid, which alone tells of a strip between a coarse grid's
+    /// points, that one of them where the least edge function is largest, and the outermost ones along both
+    /// diagonals.
+    pub fn lit_points(&self) -> ArrayVec<(f64, f64), 6> {
         let mut points = ArrayVec::new();
+        points.extend(self.centroid().filter(|at| self.least(*at) > 0.0));
         let lit: ArrayVec<[f64; 3], 81> = raster()
             .map(|(a, b)| [a, b, self.least((a, b))])
             .filter(|[_, _, least]| *least > 0.0)
@@ -252,6 +263,15 @@ impl Interpolant {
             }
         }
         points
+    }
+
+    /// Centroid of the lit part.
+    fn centroid(&self) -> Option<(f64, f64)> {
+        let at = |k: usize| k as f64 / 3.0;
+        let moments: Weights =
+            [Patch([1.0; 16]), Patch::tensor(|i, _| at(i)), Patch::tensor(|_, j| at(j))].into();
+        let [area, a, b] = cut_integral(&moments, &self.cuts, CENTROID_ACCURACY);
+        (area > 0.0).then(|| (a / area, b / area))
     }
 
     /// The least edge function at a point, each as a share of its range in the cell.

@@ -35,6 +35,11 @@ impl Patch {
         Self(c)
     }
 
+    /// The polynomial with the given coefficients c(i, j).
+    pub fn tensor(c: impl Fn(usize, usize) -> f64) -> Self {
+        Self(std::array::from_fn(|k| c(k / 4, k % 4)))
+    }
+
     /// Adds `height` times the bump 16 a(1−a) b(1−b), which is one at the centre and zero on the sides.
     pub fn add_bump(&mut self, height: f64) {
         // a(1−a) has the cubic coefficients (0, 1/3, 1/3, 0).

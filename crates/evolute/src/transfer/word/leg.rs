@@ -8,7 +8,7 @@ use crate::geometry::Ray;
 use crate::optics::{Dual, DualRay};
 use crate::surface::{Surface, SurfacePoint};
 use crate::trace::{Anchor, Hit};
-use crate::transfer::chain::{Arrival, Departure, Step, Visibility, depart, events};
+use crate::transfer::chain::{Arrival, Blocker, Departure, Step, Visibility, depart, events};
 use crate::transfer::extension::{facet, meet};
 use crate::transfer::grid::GridPoint;
 use crate::transfer::lamp::{outlined, part_of};
@@ -139,7 +139,9 @@ impl Words<'_> {
             throughput: [Dual::constant(1.0); 3],
             radiance_scale: 1.0,
             edges: ArrayVec::new(),
-            visible: blocker.map_or(Visibility::Free, |b| Visibility::Blocked(Some(b))),
+            visible: blocker.map_or(Visibility::Free, |shape| {
+                Visibility::Blocked(Some(Blocker { shape, leg: 0 }))
+            }),
         };
         arrival.push_edge(cos_1);
         if let Some(rim) = self.roots[root].domain.rim(&first) {
@@ -171,6 +173,7 @@ impl Words<'_> {
     fn next_arrival(&mut self, parent: WordId, step: &Step, at: GridPoint) -> Option<Arrival> {
         let scene = self.scene;
         let surface = &scene.shape(step.shape).surface;
+        let leg = self.depth(parent);
         self.departure(parent, at)?;
         let hint = self.hint(parent, step, at);
         let target = step.target();
@@ -187,7 +190,7 @@ impl Words<'_> {
         let visible = match before.visible {
             Visibility::Free if real.is_some() => Visibility::Free,
             Visibility::Free if inside && blocker.is_some() => {
-                Visibility::Blocked(blocker.map(|h| h.anchor.shape))
+                Visibility::Blocked(blocker.map(|h| Blocker { shape: h.anchor.shape, leg }))
             }
             Visibility::Free => Visibility::Beyond,
             other => other,
