@@ -7,7 +7,7 @@
 //! cylinder: sin ψ = (R/ρ) sin i).
 
 use super::extension::{Facet, facet_of, is_faceted, over_the_rim};
-use crate::geometry::{Point3, Vector3, tangent_frame};
+use crate::geometry::{Point3, Vector3, math, tangent_frame};
 use crate::optics::{Dual, DualRay, DualVector};
 use crate::surface::{Cylinder, Mesh, Parametric, Sphere, Surface, SurfacePoint};
 
@@ -162,6 +162,37 @@ impl<'s> Domain<'s> {
         match &self.kind {
             Kind::Parameters { surface } => surface.normal_cone(a, b),
             _ => 0.0,
+        }
+    }
+
+    /// Where a ray from the receiver meets a plane domain, in its coordinates; `None` if it does not, or the
+    /// domain is not plane.
+    pub fn towards(&self, d: &Vector3) -> Option<(f64, f64)> {
+        // x = origin + p e₁ + q e₂ = receiver + t d.
+        let weights = |origin: Vector3, [e1, e2]: [Vector3; 2]| {
+            let to = self.receiver.coords - origin;
+            let full = e1.cross(&e2).dot(d);
+            let (p, q) = (to.cross(&e2).dot(d) / full, e1.cross(&to).dot(d) / full);
+            let t = -to.dot(&e1.cross(&e2)) / full;
+            (t > 0.0 && p.is_finite() && q.is_finite()).then_some((p, q))
+        };
+        match &self.kind {
+            Kind::Parallelogram { centre, edges, .. } => {
+                let (p, q) = weights(*centre, *edges)?;
+                Some((0.5 + 0.5 * p, 0.5 + 0.5 * q))
+            }
+            Kind::Facet { facet, .. } => weights(facet.origin.coords, facet.edges),
+            Kind::Ellipse { centre, radii, .. } => {
+                let (p, q) = weights(*centre, *radii)?;
+                let turn = math::atan2(q, p) / (2.0 * PI);
+                Some(((p * p + q * q).sqrt(), turn - turn.floor()))
+            }
+            Kind::Triangle { mesh, triangle } => {
+                let [v0, v1, v2] = mesh.corners(*triangle);
+                let (p, q) = weights(v0.coords, [v1 - v0, v2 - v0])?;
+                Some((p / (1.0 - q).max(f64::MIN_POSITIVE), q))
+            }
+            _ => None,
         }
     }
 

@@ -22,6 +22,12 @@ impl GridPoint {
         (f64::from(self.i) * unit, f64::from(self.j) * unit)
     }
 
+    /// The one nearest to (a, b).
+    pub fn nearest((a, b): (f64, f64)) -> Self {
+        let to = |x: f64| (x.clamp(0.0, 1.0) * f64::from(1u32 << GRID_BITS)).round() as u32;
+        Self { i: to(a), j: to(b) }
+    }
+
     /// One number for both.
     pub fn key(&self) -> u64 {
         (u64::from(self.i) << 32) | u64::from(self.j)

@@ -28,6 +28,7 @@ mod settings;
 mod shaft;
 mod specular;
 mod unseen;
+mod window;
 mod word;
 
 pub use chain::{Event, Step};

@@ -14,6 +14,7 @@ use super::scout::scout;
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
 use super::unseen::{Brake, Unseen};
+use super::window::look_through;
 use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
@@ -327,6 +328,7 @@ impl<'s> Transfer<'s> {
             });
         }
         if self.settings.criteria.matching_trees.is_some() {
+            look_through(&mut quadrature.words, word);
             scout(&mut quadrature.words, word, first, throughput >= COARSE_THROUGHPUT);
         }
         self.continued(quadrature, word, left)

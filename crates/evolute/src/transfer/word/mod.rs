@@ -13,6 +13,7 @@ use super::domain::{Domain, FirstPoint};
 use super::grid::{GridHasher, GridPoint};
 use super::landing::{Landings, Square, Target};
 use super::settings::{Counts, Receiver};
+use super::window::Window;
 use crate::geometry::Vector3;
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Surface, SurfacePoint};
@@ -50,6 +51,8 @@ struct Word {
     scouted: Vec<Square>,
     /// Luminance of the brightest that its chains may come to [W/(m² sr)], where that is known.
     reach: Option<f64>,
+    /// What the receiver sees through it, if it is all plane mirrors.
+    window: Option<Box<Window>>,
 }
 
 /// The first leg at a grid point and what stands in it: shared by the events at the first surface.
@@ -199,6 +202,16 @@ impl<'s> Words<'s> {
             }
             Source::First(_) => None,
         };
+        let before = match source {
+            Source::After(parent) => self.words[parent.0 as usize].window.as_deref(),
+            Source::First(_) => None,
+        };
+        let plane = before.is_some() || matches!(source, Source::First(_));
+        let surface = &self.scene.shape(step.shape).surface;
+        let window = plane
+            .then(|| Window::of(surface, &step, before, &self.receiver.position))
+            .flatten()
+            .map(Box::new);
         self.words.push(Word {
             source,
             step,
@@ -213,6 +226,7 @@ impl<'s> Words<'s> {
             first_level: 0,
             scouted: Vec::new(),
             reach,
+            window,
         });
         let id = WordId(self.words.len() as u32 - 1);
         if let Source::After(parent) = source {
@@ -246,6 +260,20 @@ impl<'s> Words<'s> {
             Source::After(parent) => self.first_direction(parent, at),
             Source::First(root) => self.first_leg(root, at).map(|(first, _)| first.d.v),
         }
+    }
+
+    /// The grid point of the domain nearest to a direction from the receiver; `None` where that is known only
+    /// by a search.
+    pub fn towards(&self, word: WordId, d: &Vector3) -> Option<GridPoint> {
+        match self.words[word.0 as usize].source {
+            Source::After(parent) => self.towards(parent, d),
+            Source::First(root) => self.roots[root].domain.towards(d).map(GridPoint::nearest),
+        }
+    }
+
+    /// What the receiver sees through a word of plane mirrors.
+    pub fn window(&self, word: WordId) -> Option<&Window> {
+        self.words[word.0 as usize].window.as_deref()
     }
 
     /// The word before the last letter.
