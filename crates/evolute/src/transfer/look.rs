@@ -8,6 +8,9 @@ use super::word::{WordId, Words};
 /// Known chains that are looked at where a coarse grid finds none of a word.
 const MOST_LANDINGS: usize = 9;
 
+/// Legal chains on the grid below which the known ones are looked at, too.
+const FEW: f64 = 9.0;
+
 /// What a coarse grid of samples tells of a word.
 pub struct Look {
     /// Irradiance per unit of radiance that its chains let through [sr], whatever follows: leaving
@@ -47,9 +50,10 @@ pub fn look(words: &mut Words<'_>, word: WordId) -> Look {
         }
     }
     let area = words.set_area(word, legal / asked);
-    if legal == 0.0 {
-        // An island between the grid's points.
-        look.island = true;
+    // An island between the grid's points, or one of which these tell little: at the limb of a ball and at
+    // the receiver's horizon chains carry nothing.
+    look.island = legal == 0.0;
+    if legal < FEW {
         for at in words.met_at(word, MOST_LANDINGS) {
             if look.ask(words.departure(word, at)) {
                 legal += 1.0;

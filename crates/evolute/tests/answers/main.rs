@@ -12,6 +12,7 @@ mod criteria;
 mod direct;
 mod known;
 mod maps;
+mod pipe;
 mod polygon;
 mod reference;
 mod threads;
