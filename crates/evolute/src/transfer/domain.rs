@@ -165,6 +165,11 @@ impl<'s> Domain<'s> {
         }
     }
 
+    /// Whether straight lines on the surface are straight in the domain.
+    pub fn keeps_lines(&self) -> bool {
+        matches!(self.kind, Kind::Parallelogram { .. } | Kind::Facet { .. })
+    }
+
     /// Where a ray from the receiver meets a plane domain, in its coordinates; `None` if it does not, or the
     /// domain is not plane.
     pub fn towards(&self, d: &Vector3) -> Option<(f64, f64)> {

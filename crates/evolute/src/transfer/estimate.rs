@@ -84,6 +84,14 @@ impl Quadrature<'_, '_> {
     /// The worth of a cell to about a thousandth of `tolerance` [W/m²] beyond what its interpolant
     /// misses; zero if that is not known yet.
     pub(super) fn estimate(&mut self, place: &Place, tolerance: f64) -> Estimate {
+        if let Some(part) = &self.parts[place.term] {
+            if !part.meets(place.cell) {
+                return Estimate::DARK;
+            }
+            if part.is_small_in(place.cell) && place.cell.level < LAST_LEVEL {
+                return Estimate::DIVIDE;
+            }
+        }
         self.judge(place, tolerance).unwrap_or_else(|why| {
             let Term::Through(word, lamp) = self.terms[place.term] else { return Estimate::DARK };
             let target = self.lamps[lamp].target();

@@ -21,6 +21,7 @@ mod lamp;
 mod landing;
 mod left;
 mod look;
+mod part;
 mod polynomial;
 mod quadrature;
 mod scout;

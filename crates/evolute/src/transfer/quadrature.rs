@@ -15,8 +15,10 @@ use super::field::{DirectField, FieldSample, sample_through};
 use super::grid::{GridHasher, GridPoint};
 use super::lamp::Lamp;
 use super::landing::{DarkCells, Square, Target};
+use super::part::Part;
 use super::settings::{Counts, WordShare};
 use super::unseen::Brake;
+use super::window::Shown;
 use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 
@@ -81,6 +83,8 @@ pub struct Quadrature<'s, 'l> {
     /// Level of each term's first grid.
     pub(super) first: Vec<u32>,
     pub(super) samples: Vec<Option<FieldSample>>,
+    /// The part of the domain that each term's light comes from at most, where that is known.
+    pub(super) parts: Vec<Option<Part>>,
     /// Each term's cells that are held dark.
     pub(super) dark: Vec<DarkCells>,
     /// Terms of a word, by its number.
@@ -113,6 +117,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             terms: Vec::new(),
             first: Vec::new(),
             samples: Vec::new(),
+            parts: Vec::new(),
             dark: Vec::new(),
             terms_of: Vec::new(),
             sampled: Vec::new(),
@@ -155,13 +160,20 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     /// Adds a term with its first grid of 4^`first` cells.
     pub fn add(&mut self, term: Term<'s>, first: u32, tolerance: f64) {
         let index = self.terms.len() as u32;
-        if let Term::Through(word, _) = term {
+        let mut part = None;
+        if let Term::Through(word, lamp) = term {
+            match Shown::of(&self.words, word, &self.lamps[lamp]) {
+                Shown::Nothing => return,
+                Shown::Within(whole) => part = Some(whole),
+                Shown::Unknown => {}
+            }
             let word = word.0 as usize;
             self.terms_of.resize_with(self.terms_of.len().max(word + 1), Vec::new);
             self.terms_of[word].push(index);
         }
         self.terms.push(term);
         self.first.push(first);
+        self.parts.push(part);
         self.dark.push(DarkCells::default());
         self.sampled.push(HashMap::default());
         let n = 1u32 << first;

@@ -14,7 +14,7 @@ use super::scout::scout;
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
 use super::unseen::{Brake, Unseen};
-use super::window::look_through;
+use super::window::{is_plane, look_through};
 use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
@@ -321,14 +321,16 @@ impl<'s> Transfer<'s> {
                     quadrature.add(Term::Through(word, lamp), first, allowed);
                 }
             }
-        } else {
+        } else if !self.shows_all(&quadrature.words, word) {
             // The first grid still has to be traced, for what follows to be found.
             grid(first).for_each(|at| {
                 quadrature.words.departure(word, at);
             });
         }
-        if self.settings.criteria.matching_trees.is_some() {
-            look_through(&mut quadrature.words, word);
+        look_through(&mut quadrature.words, word);
+        if self.settings.criteria.matching_trees.is_some()
+            && !self.shows_all(&quadrature.words, word)
+        {
             scout(&mut quadrature.words, word, first, throughput >= COARSE_THROUGHPUT);
         }
         self.continued(quadrature, word, left)
@@ -381,6 +383,15 @@ fn possible(irradiance: Rgb, most: f64) -> Rgb {
 }
 
 impl Transfer<'_> {
+    /// Whether a word has a window, and all that it may show is known without a search.
+    fn shows_all(&self, words: &Words<'_>, word: WordId) -> bool {
+        let found = |k: u32| {
+            let shape = self.scene.shape(ShapeId(k));
+            !shape.material.is_specular() || is_plane(&shape.surface)
+        };
+        words.window(word).is_some() && (0..self.scene.shapes.len() as u32).all(found)
+    }
+
     /// Whether the last leg of a word runs inside a sphere that the lamp lies outside of.
     fn shut_in(&self, words: &Words<'_>, word: WordId, lamp: ShapeId) -> bool {
         let Some(last) = words.letters(word).last().copied() else { return false };

@@ -5,11 +5,15 @@
 //! a body is enough for the search to know of it, however small it looks: of ten reflections between two
 //! facing mirrors the last windows are far narrower than the cells of a first grid.
 //!
-//! Limit: what else stands in the way is not asked; disks and balls count as the sixteen-sided polygons inside
-//! them.
+//! What a window shows bounds what may come through it: outside of it cells are dark by proof.
+//!
+//! Limit: what else stands in the way is not asked; disks and balls count as sixteen-sided polygons around them.
 
 use super::chain::{Event, Step};
 use super::extension::{facet, facet_of, is_faceted};
+use super::lamp::Lamp;
+use super::part::Part;
+use super::settings::Receiver;
 use super::word::{WordId, Words};
 use crate::geometry::{Matrix3, Point3, UnitVector3, Vector3, math, tangent_frame};
 use crate::scene::ShapeId;
@@ -68,7 +72,7 @@ impl Window {
         surface: &Surface,
         step: &Step,
         before: Option<&Self>,
-        receiver: &Point3,
+        receiver: &Receiver,
     ) -> Option<Self> {
         if step.event != Event::Reflect {
             return None;
@@ -77,8 +81,12 @@ impl Window {
         let n = normal(&polygon)?;
         let start = before.map_or(Isometry::IDENTITY, |w| w.unfold);
         let corners = match before {
-            None => polygon.clone(),
-            Some(before) => before.through(&polygon, receiver)?,
+            None => {
+                let mut above = polygon.clone();
+                clip(&mut above, &receiver.position, &receiver.normal);
+                normal(&above).is_some().then_some(above)?
+            }
+            Some(before) => before.through(&polygon, &receiver.position)?,
         };
         Some(Self { corners, unfold: start.after_reflection(&polygon[0], &n) })
     }
@@ -93,11 +101,43 @@ impl Window {
         clip(&mut seen, &self.corners[0], &n);
         for (k, p) in self.corners.iter().enumerate() {
             let q = &self.corners[(k + 1) % self.corners.len()];
-            let side = (p - receiver).cross(&(q - receiver));
+            let (p, q) = (p - receiver, q - receiver);
+            let side = p.cross(&q);
+            // Between corners that rounding alone keeps apart there is no side.
+            if side.norm() <= THIN.sqrt() * p.norm() * q.norm() {
+                continue;
+            }
             let side = if side.dot(&middle) < 0.0 { -side } else { side };
             clip(&mut seen, receiver, &side);
         }
         normal(&seen).is_some().then_some(seen)
+    }
+}
+
+/// What a word's window shows of a lamp.
+pub enum Shown {
+    /// Not known: the word has no window, or the window's domain is not plane.
+    Unknown,
+    /// Nothing.
+    Nothing,
+    /// It comes from this part of the domain at most.
+    Within(Part),
+}
+
+impl Shown {
+    /// What a word shows of a lamp.
+    pub fn of(words: &Words<'_>, word: WordId, lamp: &Lamp) -> Self {
+        let Some(window) = words.window(word) else { return Self::Unknown };
+        let receiver = words.receiver().position;
+        let surface = &words.scene().shape(lamp.shape).surface;
+        let polygon = plane_polygon(surface, lamp.primitive);
+        let seen = match polygon.map(|polygon| window.through(&polygon, &receiver)) {
+            // A curved lamp may be anywhere in the window.
+            None => window.corners.clone(),
+            Some(None) => return Self::Nothing,
+            Some(Some(seen)) => seen,
+        };
+        words.part(word, &seen).map_or(Self::Unknown, Self::Within)
     }
 }
 
@@ -117,9 +157,7 @@ pub fn look_through(words: &mut Words<'_>, word: WordId) {
                 continue;
             }
             let Some(seen) = window.through(&polygon, &receiver) else { continue };
-            let middle = mean(&seen);
-            let aside = seen.iter().map(|corner| middle + (corner - middle) * ASIDE);
-            for x in std::iter::once(middle).chain(aside) {
+            for x in spread(&seen) {
                 let Some(at) = words.towards(word, &(x - receiver)) else { continue };
                 let hit = words.departure(word, at).and_then(|departure| departure.next);
                 let arrives = hit.is_some_and(|hit| {
@@ -132,6 +170,26 @@ pub fn look_through(words: &mut Words<'_>, word: WordId) {
             }
         }
     }
+}
+
+impl Window {
+    /// Points spread over it, the middle first, in which directions from the receiver lie [m].
+    pub fn points(&self) -> impl Iterator<Item = Point3> + use<> {
+        spread(&self.corners)
+    }
+
+    /// Its corners, unfolded [m].
+    pub fn corners(&self) -> &[Point3] {
+        &self.corners
+    }
+}
+
+/// The middle of a polygon and points on the way to its corners.
+fn spread(polygon: &[Point3]) -> impl Iterator<Item = Point3> + use<> {
+    let middle = mean(polygon);
+    let corners: Vec<Point3> = polygon.to_vec();
+    let aside = corners.into_iter().map(move |corner| middle + (corner - middle) * ASIDE);
+    std::iter::once(middle).chain(aside)
 }
 
 /// The plane and round pieces of a surface, with the number of the facet where there are some, as polygons:
@@ -148,6 +206,15 @@ fn pieces(surface: &Surface, eye: &Point3) -> Vec<(Option<u32>, Vec<Point3>)> {
             vec![(None, round(&s.centre(), &(e1 * s.radius()), &(e2 * s.radius())))]
         }
         _ => plane_polygon(surface, None).map(|polygon| (None, polygon)).into_iter().collect(),
+    }
+}
+
+/// Whether a surface is a plane polygon, or made of such.
+pub fn is_plane(surface: &Surface) -> bool {
+    match surface {
+        Surface::Rectangle(_) | Surface::Disk(_) => true,
+        Surface::Mesh(m) => is_faceted(m),
+        _ => false,
     }
 }
 
@@ -172,10 +239,13 @@ fn plane_polygon(surface: &Surface, primitive: Option<u32>) -> Option<Vec<Point3
     }
 }
 
+/// A polygon around the ellipse of two radii.
 fn round(centre: &Point3, p: &Vector3, q: &Vector3) -> Vec<Point3> {
+    let step = std::f64::consts::TAU / f64::from(SIDES);
+    let wider = 1.0 / math::sin_cos(0.5 * step).1;
     let at = |k: u32| {
-        let (sin, cos) = math::sin_cos(std::f64::consts::TAU * f64::from(k) / f64::from(SIDES));
-        centre + p * cos + q * sin
+        let (sin, cos) = math::sin_cos(step * f64::from(k));
+        centre + (p * cos + q * sin) * wider
     };
     (0..SIDES).map(at).collect()
 }

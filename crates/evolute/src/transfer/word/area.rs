@@ -47,6 +47,11 @@ impl Words<'_> {
         sum
     }
 
+    /// Keeps how much of the domain legal chains come from.
+    pub fn keep_area(&mut self, word: WordId, area: f64) {
+        self.words[word.0 as usize].area = area;
+    }
+
     /// Keeps how much of the domain legal chains come from: `sampled` for a first letter, and else what
     /// the landings of the word before say. Letters that share a parent share its chains.
     pub fn set_area(&mut self, word: WordId, sampled: f64) -> f64 {

@@ -12,9 +12,10 @@ use super::chain::{Departure, Event, Step, events};
 use super::domain::{Domain, FirstPoint};
 use super::grid::{GridHasher, GridPoint};
 use super::landing::{Landings, Square, Target};
+use super::part::Part;
 use super::settings::{Counts, Receiver};
 use super::window::Window;
-use crate::geometry::Vector3;
+use crate::geometry::{Point3, Vector3};
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Surface, SurfacePoint};
 use crate::trace::{Anchor, Tracer};
@@ -209,7 +210,7 @@ impl<'s> Words<'s> {
         let plane = before.is_some() || matches!(source, Source::First(_));
         let surface = &self.scene.shape(step.shape).surface;
         let window = plane
-            .then(|| Window::of(surface, &step, before, &self.receiver.position))
+            .then(|| Window::of(surface, &step, before, &self.receiver))
             .flatten()
             .map(Box::new);
         self.words.push(Word {
@@ -268,6 +269,23 @@ impl<'s> Words<'s> {
         match self.words[word.0 as usize].source {
             Source::After(parent) => self.towards(parent, d),
             Source::First(root) => self.roots[root].domain.towards(d).map(GridPoint::nearest),
+        }
+    }
+
+    /// The part of the domain in which directions from the receiver to a convex polygon lie; `None` where
+    /// straight lines are not straight in the domain.
+    pub fn part(&self, word: WordId, polygon: &[Point3]) -> Option<Part> {
+        match self.words[word.0 as usize].source {
+            Source::After(parent) => self.part(parent, polygon),
+            Source::First(root) => {
+                let Root { domain, .. } = &self.roots[root];
+                if !domain.keeps_lines() {
+                    return None;
+                }
+                let to = |x: &Point3| domain.towards(&(x - self.receiver.position));
+                let corners = polygon.iter().map(|x| to(x).map(|(a, b)| [a, b]));
+                corners.collect::<Option<Vec<_>>>().map(Part::new)
+            }
         }
     }
 
