@@ -30,6 +30,9 @@ pub const GUESSED_LEVELS: u32 = 3;
 /// Share of a torn cell's worth, lit all over, that its error is not taken to be below: the edge
 /// functions are extrapolated there.
 const TORN_SHARE: f64 = 0.1;
+/// Divisions of the first grid from which on samples of the lit part of a cell tell that it is hidden: it may
+/// show beyond them.
+const HIDDEN_LEVELS: u32 = 4;
 /// A mesh of more triangles may be a blind or a comb; a cube has twelve.
 const SOLID_TRIANGLES: usize = 12;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
@@ -276,10 +279,12 @@ impl Quadrature<'_, '_> {
                     let half = interpolant.light.irradiance(integral.map(|v| 0.5 * v));
                     return Ok(Estimate { integral: half, error: whole, divide: false });
                 }
-                // Where a sample on the outline is hidden, too, the lit part is sampled as densely as a
-                // cell of which all five rays are hidden.
                 if hidden {
-                    if self.hide_lit_part(place, &interpolant) {
+                    let deep = place.cell.level >= self.first[term] + HIDDEN_LEVELS
+                        || whole <= WATCHED_SHARE * tolerance;
+                    if self.is_behind_one(place)
+                        || (deep && self.hide_lit_part(place, &interpolant))
+                    {
                         return Err(Darkness::NoLight);
                     }
                     let error = HIDDEN_SHARE * whole;
@@ -303,6 +308,8 @@ impl Quadrature<'_, '_> {
                     let watched = through && whole > WATCHED_SHARE * tolerance;
                     if watched && !self.is_as_cut(place, &mut interpolant) {
                         error = whole;
+                    } else if watched && ends_unseen(sights) {
+                        error = error.max(HIDDEN_SHARE * whole);
                     }
                 }
                 Border::Tangled => {
@@ -371,6 +378,14 @@ impl Quadrature<'_, '_> {
         })
     }
 
+    /// Whether one body stands before all corners of a cell, whether or not the lamp is behind it there.
+    fn is_behind_one(&mut self, place: &Place) -> bool {
+        let numbers = place.corners().map(|at| self.sample(place.term, at));
+        let blockers = numbers.map(|k| self.samples[k].as_ref().and_then(|s| s.blocker));
+        let known: ArrayVec<Blocker, 4> = blockers.into_iter().flatten().collect();
+        known.is_full() && self.hide_all(&known, true)
+    }
+
     /// Whether bodies hide all of the lit part of a cell, as far as samples of it tell.
     fn hide_lit_part(&mut self, place: &Place, interpolant: &Interpolant) -> bool {
         let inner = interpolant.lit_points().into_iter().map(|(a, b)| place.at(a, b));
@@ -407,4 +422,13 @@ impl Quadrature<'_, '_> {
         let asked = self.sample(term, at);
         self.samples[asked].as_ref().is_some_and(|s| s.sight != Sight::Off)
     }
+}
+
+/// Whether the border between what is seen at a cell's corners and what is not ends where nothing tells of
+/// shadows: beyond the lamp's outline it is a guess.
+fn ends_unseen(sights: [Sight; 4]) -> bool {
+    [(0, 1), (1, 3), (3, 2), (2, 0)].into_iter().any(|(p, q)| {
+        let side = [sights[p], sights[q]];
+        side.contains(&Sight::Off) && side.contains(&Sight::Unknown)
+    })
 }

@@ -45,7 +45,7 @@ pub struct FieldSample {
     pub legal: bool,
     /// Whether something stands in the way.
     pub sight: Sight,
-    /// What does, if it is known.
+    /// What does, if it is known; beside the lamp, what stands before the place where the chain passes it.
     pub blocker: Option<Blocker>,
     /// Normal of the first surface.
     pub normal: Vector3,
@@ -214,13 +214,13 @@ fn sight(
     if on_lamp {
         return (Sight::On, None);
     }
-    if !on_outline {
-        return (Sight::Unknown, None);
-    }
     let Some(at) = lamp.passes_at(&departure.ray) else { return (Sight::Unknown, None) };
+    // The lamp's own plane is met at the same distance but for rounding.
     match next {
-        // The lamp's own plane is met at the same distance but for rounding.
-        Some(hit) if hit.t < at * (1.0 - 1e-9) => (Sight::Off, by),
-        _ => (Sight::On, None),
+        Some(hit) if hit.t < at * (1.0 - 1e-9) => {
+            (if on_outline { Sight::Off } else { Sight::Unknown }, by)
+        }
+        _ if on_outline => (Sight::On, None),
+        _ => (Sight::Unknown, None),
     }
 }
