@@ -53,14 +53,18 @@ pub fn look(words: &mut Words<'_>, word: WordId) -> Look {
         }
     }
     let area = words.set_area(word, legal / asked);
-    // An island between the grid's points, or one of which these tell little: at the limb of a ball and at
-    // the receiver's horizon chains carry nothing.
+    // An island between the grid's points.
     look.island = legal == 0.0;
-    if legal < FEW {
-        for at in words.met_at(word, MOST_LANDINGS) {
-            if look.ask(words.departure(word, at)) {
-                legal += 1.0;
-            }
+    let more: Vec<GridPoint> = if look.island {
+        words.met_at(word, MOST_LANDINGS)
+    } else if legal < FEW {
+        grid(COARSE_LEVEL + 1).filter(|at| !is_on(*at, COARSE_LEVEL)).collect()
+    } else {
+        Vec::new()
+    };
+    for at in more {
+        if look.ask(words.reached(word, at)) {
+            legal += 1.0;
         }
     }
     if legal > 0.0 {
@@ -91,6 +95,11 @@ fn look_through_window(words: &mut Words<'_>, word: WordId) -> Option<Look> {
         look.offered *= area / asked;
     }
     Some(look)
+}
+
+/// Whether a point is on a regular grid.
+fn is_on(at: GridPoint, level: u32) -> bool {
+    (at.i | at.j) & ((1u32 << (GRID_BITS - level)) - 1) == 0
 }
 
 /// The points of a regular grid.

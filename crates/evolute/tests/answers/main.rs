@@ -5,6 +5,9 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[allow(dead_code)]
+#[path = "../brute/random.rs"]
+mod random;
 
 mod cases;
 mod consistency;
@@ -15,5 +18,6 @@ mod maps;
 mod pipe;
 mod polygon;
 mod reference;
+mod slats;
 mod threads;
 mod torn;
