@@ -26,6 +26,7 @@ mod polynomial;
 mod quadrature;
 mod scout;
 mod settings;
+mod shadow;
 mod shaft;
 mod specular;
 mod unseen;

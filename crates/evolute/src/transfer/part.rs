@@ -68,7 +68,7 @@ mod tests {
             .collect();
         // The long side touches the corner of the cell (1, 1).
         assert_eq!(meets, [(0, 0), (0, 1), (1, 0), (1, 1)]);
-        assert!(!part.meets(Square::nth(3, 2, 2)) && part.meets(Square::nth(3, 1, 2)));
+        assert!(!part.meets(Square::nth(3, 2, 3)) && part.meets(Square::nth(3, 1, 2)));
         assert!(part.is_small_in(Square::nth(0, 0, 0)));
         assert!(!part.is_small_in(Square::nth(1, 0, 0)));
     }

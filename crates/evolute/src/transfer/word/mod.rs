@@ -2,13 +2,14 @@
 //! whose nodes share the legs that are already traced.
 
 mod area;
+mod known;
 mod leg;
 
 use std::collections::HashMap;
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Departure, Event, Step, events};
+use super::chain::{Departure, Step, events};
 use super::domain::{Domain, FirstPoint};
 use super::grid::{GridHasher, GridPoint};
 use super::landing::{Landings, Square, Target};
@@ -307,19 +308,6 @@ impl<'s> Words<'s> {
         self.departure(word, at).is_some_and(Departure::is_legal)
     }
 
-    /// Whether a legal chain of the word before meets the last letter at a grid point and is totally
-    /// reflected there instead of transmitted.
-    pub fn is_total(&mut self, word: WordId, at: GridPoint) -> bool {
-        let Step { event: Event::Transmit, .. } = self.words[word.0 as usize].step else {
-            return false;
-        };
-        let Some(parent) = self.parent(word) else { return false };
-        if !self.is_legal(parent, at) || self.departure(word, at).is_some() {
-            return false;
-        }
-        self.met(parent, at) == Some(self.letter(word))
-    }
-
     /// All words.
     pub fn ids(&self) -> impl Iterator<Item = WordId> + use<> {
         (0..self.words.len() as u32).map(WordId)
@@ -349,29 +337,6 @@ impl<'s> Words<'s> {
     /// at the limb of a ball, but where an iteration for a formula's surface fails.
     pub fn is_guessed(&self, word: WordId) -> bool {
         self.words[word.0 as usize].guessed
-    }
-
-    /// Whether chains of the word were seen to meet further specular surfaces.
-    pub fn has_discoveries(&self, word: WordId) -> bool {
-        !self.words[word.0 as usize].discovered.is_empty()
-    }
-
-    /// Whether chains of the word were seen to meet a surface (or a facet of it) on every side on which it is
-    /// specular; a ball shows but one to either medium.
-    pub fn has_met(&self, word: WordId, (shape, primitive): (ShapeId, Option<u32>)) -> bool {
-        let w = &self.words[word.0 as usize];
-        let target = self.scene.shape(shape);
-        let followed = w.children.iter().map(|child| &self.words[child.0 as usize].step);
-        let met = |front: bool| {
-            let mut steps = w.discovered.iter().chain(followed.clone());
-            steps.any(|s| (s.shape, s.primitive, s.front) == (shape, primitive, front))
-        };
-        match &target.surface {
-            Surface::Sphere(_) => met(true) || met(false),
-            _ => {
-                [true, false].into_iter().all(|f| met(f) || events(&target.material, f).is_empty())
-            }
-        }
     }
 
     /// How often the word's last letter stands at its end in a row.
@@ -417,51 +382,9 @@ impl<'s> Words<'s> {
         self.departure(word, at)
     }
 
-    /// The landings that were not asked for before: word, what was met, from where.
-    pub fn take_fresh(&mut self) -> Vec<(WordId, Target, GridPoint)> {
-        std::mem::take(&mut self.fresh)
-    }
-
-    /// The words after `word` whose last letter is at the target.
-    pub fn children_at(&self, word: WordId, target: Target) -> impl Iterator<Item = WordId> + '_ {
-        let children = &self.words[word.0 as usize].children;
-        children.iter().copied().filter(move |child| self.letter(*child) == target)
-    }
-
     /// Where the last letter of a word is.
     pub fn letter(&self, word: WordId) -> Target {
         self.words[word.0 as usize].step.target()
-    }
-
-    /// Whether a legal chain of the word before was seen to meet the word's last letter from inside
-    /// the cell.
-    pub fn is_met_from(&self, word: WordId, cell: Square) -> bool {
-        self.parent(word).is_some_and(|parent| {
-            self.words[parent.0 as usize].landings.any(self.letter(word), cell)
-        })
-    }
-
-    /// A few points of the cell from which the word's last letter or the lamp was seen to be met.
-    pub fn known_from(&self, word: WordId, lamp: Target, cell: Square) -> Vec<GridPoint> {
-        const FEW: usize = 4;
-        let mut points = self.words[word.0 as usize].landings.from(lamp, cell, FEW);
-        if let Some(parent) = self.parent(word) {
-            let landings = &self.words[parent.0 as usize].landings;
-            points.extend(landings.from(self.letter(word), cell, FEW));
-        }
-        points
-    }
-
-    /// Whether a legal chain of the word was seen to reach a lamp from inside the cell.
-    pub fn reaches_from(&self, word: WordId, lamp: Target, cell: Square) -> bool {
-        self.words[word.0 as usize].landings.any(lamp, cell)
-    }
-
-    /// Up to `count` points at which legal chains of the word before met the word's last letter.
-    pub fn met_at(&self, word: WordId, count: usize) -> Vec<GridPoint> {
-        self.parent(word).map_or_else(Vec::new, |parent| {
-            self.words[parent.0 as usize].landings.some(self.letter(word), count)
-        })
     }
 
     /// Keeps the level of a word's first grid.

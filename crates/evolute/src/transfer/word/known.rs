@@ -1,0 +1,88 @@
+//! What is known of where a word's chains went: the letters that they met, and from which part of the domain.
+
+use super::{WordId, Words};
+use crate::scene::ShapeId;
+use crate::surface::Surface;
+use crate::transfer::chain::{Event, Step, events};
+use crate::transfer::grid::GridPoint;
+use crate::transfer::landing::{Square, Target};
+
+impl Words<'_> {
+    /// Whether a legal chain of the word before meets the last letter at a grid point and is totally
+    /// reflected there instead of transmitted.
+    pub fn is_total(&mut self, word: WordId, at: GridPoint) -> bool {
+        let Step { event: Event::Transmit, .. } = self.words[word.0 as usize].step else {
+            return false;
+        };
+        let Some(parent) = self.parent(word) else { return false };
+        if !self.is_legal(parent, at) || self.departure(word, at).is_some() {
+            return false;
+        }
+        self.met(parent, at) == Some(self.letter(word))
+    }
+
+    /// Whether chains of the word were seen to meet further specular surfaces.
+    pub fn has_discoveries(&self, word: WordId) -> bool {
+        !self.words[word.0 as usize].discovered.is_empty()
+    }
+
+    /// Whether chains of the word were seen to meet a surface (or a facet of it) on every side on which it is
+    /// specular; a ball shows but one to either medium.
+    pub fn has_met(&self, word: WordId, (shape, primitive): (ShapeId, Option<u32>)) -> bool {
+        let w = &self.words[word.0 as usize];
+        let target = self.scene.shape(shape);
+        let followed = w.children.iter().map(|child| &self.words[child.0 as usize].step);
+        let met = |front: bool| {
+            let mut steps = w.discovered.iter().chain(followed.clone());
+            steps.any(|s| (s.shape, s.primitive, s.front) == (shape, primitive, front))
+        };
+        match &target.surface {
+            Surface::Sphere(_) => met(true) || met(false),
+            _ => {
+                [true, false].into_iter().all(|f| met(f) || events(&target.material, f).is_empty())
+            }
+        }
+    }
+
+    /// The landings that were not asked for before: word, what was met, from where.
+    pub fn take_fresh(&mut self) -> Vec<(WordId, Target, GridPoint)> {
+        std::mem::take(&mut self.fresh)
+    }
+
+    /// The words after `word` whose last letter is at the target.
+    pub fn children_at(&self, word: WordId, target: Target) -> impl Iterator<Item = WordId> + '_ {
+        let children = &self.words[word.0 as usize].children;
+        children.iter().copied().filter(move |child| self.letter(*child) == target)
+    }
+
+    /// Whether a legal chain of the word before was seen to meet the word's last letter from inside
+    /// the cell.
+    pub fn is_met_from(&self, word: WordId, cell: Square) -> bool {
+        self.parent(word).is_some_and(|parent| {
+            self.words[parent.0 as usize].landings.any(self.letter(word), cell)
+        })
+    }
+
+    /// A few points of the cell from which the word's last letter or the lamp was seen to be met.
+    pub fn known_from(&self, word: WordId, lamp: Target, cell: Square) -> Vec<GridPoint> {
+        const FEW: usize = 4;
+        let mut points = self.words[word.0 as usize].landings.from(lamp, cell, FEW);
+        if let Some(parent) = self.parent(word) {
+            let landings = &self.words[parent.0 as usize].landings;
+            points.extend(landings.from(self.letter(word), cell, FEW));
+        }
+        points
+    }
+
+    /// Whether a legal chain of the word was seen to reach a lamp from inside the cell.
+    pub fn reaches_from(&self, word: WordId, lamp: Target, cell: Square) -> bool {
+        self.words[word.0 as usize].landings.any(lamp, cell)
+    }
+
+    /// Up to `count` points at which legal chains of the word before met the word's last letter.
+    pub fn met_at(&self, word: WordId, count: usize) -> Vec<GridPoint> {
+        self.parent(word).map_or_else(Vec::new, |parent| {
+            self.words[parent.0 as usize].landings.some(self.letter(word), count)
+        })
+    }
+}
