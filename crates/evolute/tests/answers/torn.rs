@@ -70,6 +70,12 @@ fn compare(case: &str) {
     }
 }
 
+/// Chains that are reflected inside a ball of glass near its limb.
+#[test]
+fn bubble_in_a_ball() {
+    compare("bubble");
+}
+
 /// Receivers near the wall, which reflects twice and more.
 #[test]
 fn half_ring() {
