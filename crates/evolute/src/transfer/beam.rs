@@ -20,6 +20,12 @@ use crate::geometry::{Aabb, Point3};
 use crate::scene::ShapeId;
 use crate::surface::Surface;
 
+/// Most primitives in a leg's box for the first cells to be held against each: chains of large cells leave the
+/// hull of those at the corners most.
+const CROWD: usize = 64;
+/// Divisions down to which a cell with more than that in its box counts as doubtful.
+const MANY: u32 = 2;
+
 /// Whether something may hide a part of a lamp from the chains of a word at and between four grid
 /// points, in order around a cell that many divisions below the first grid.
 pub fn may_hide(
@@ -78,6 +84,9 @@ impl Leg {
         to: Option<ShapeId>,
     ) -> bool {
         let bounds = Aabb::around(self.starts.iter().chain(ends).copied());
+        if self.divisions < MANY && is_crowded(words, &bounds) {
+            return true;
+        }
         let shaft = OnceCell::new();
         let shaft = || {
             shaft.get_or_init(|| match self.starts.as_slice() {
@@ -110,3 +119,16 @@ impl Leg {
 }
 
 const _: () = assert!(MAX_CORNERS >= 8);
+
+/// Whether many primitives reach into a box.
+fn is_crowded(words: &Words<'_>, bounds: &Aabb) -> bool {
+    let mut count = 0;
+    words.tracer().any_in(
+        bounds,
+        |_| true,
+        |_, _| {
+            count += 1;
+            count > CROWD
+        },
+    )
+}

@@ -37,6 +37,16 @@ impl Look {
         }
         legal
     }
+
+    /// Looks at the word's chains at some points; how many are legal.
+    fn ask_all(
+        &mut self,
+        words: &mut Words<'_>,
+        word: WordId,
+        points: impl IntoIterator<Item = GridPoint>,
+    ) -> f64 {
+        points.into_iter().filter(|at| self.ask(words.reached(word, *at))).count() as f64
+    }
 }
 
 /// Looks at a word.
@@ -45,27 +55,19 @@ pub fn look(words: &mut Words<'_>, word: WordId) -> Look {
         return look;
     }
     let mut look = Look { passed: 0.0, offered: 0.0, reaches: false, island: false };
-    let (mut asked, mut legal) = (0.0, 0.0);
-    for at in grid(COARSE_LEVEL) {
-        asked += 1.0;
-        if look.ask(words.reached(word, at)) {
-            legal += 1.0;
-        }
-    }
+    let asked = grid(COARSE_LEVEL).count() as f64;
+    let mut legal = look.ask_all(words, word, grid(COARSE_LEVEL));
     let area = words.set_area(word, legal / asked);
     // An island between the grid's points.
     look.island = legal == 0.0;
-    let more: Vec<GridPoint> = if look.island {
-        words.met_at(word, MOST_LANDINGS)
-    } else if legal < FEW {
-        grid(COARSE_LEVEL + 1).filter(|at| !is_on(*at, COARSE_LEVEL)).collect()
-    } else {
-        Vec::new()
-    };
-    for at in more {
-        if look.ask(words.reached(word, at)) {
-            legal += 1.0;
-        }
+    if !look.island && legal < FEW {
+        let finer = grid(COARSE_LEVEL + 1).filter(|at| !is_on(*at, COARSE_LEVEL));
+        legal += look.ask_all(words, word, finer);
+    }
+    // At a ball's limb and at the middle of a disc chains carry nothing.
+    if look.passed == 0.0 {
+        let known = words.met_at(word, MOST_LANDINGS);
+        legal += look.ask_all(words, word, known);
     }
     if legal > 0.0 {
         look.passed *= area / legal;
@@ -74,27 +76,24 @@ pub fn look(words: &mut Words<'_>, word: WordId) -> Look {
     look
 }
 
-/// A look at a word whose chains come from a known part of the domain, as if nothing stood in their way.
+/// A look at a word of plane mirrors through its window, as if nothing stood in the way.
 fn look_through_window(words: &mut Words<'_>, word: WordId) -> Option<Look> {
-    let (window, receiver) = (words.window(word)?.clone(), words.receiver().position);
-    let area = words.part(word, window.corners())?.area();
-    words.keep_area(word, area);
-    let mut look = Look { passed: 0.0, offered: 0.0, reaches: true, island: false };
-    let mut asked = 0.0;
+    let (window, receiver) = (words.window(word)?.clone(), words.receiver());
+    match words.part(word, window.corners()) {
+        Some(part) => words.keep_area(word, part.area()),
+        None => _ = words.set_area(word, 1.0),
+    }
+    let offered = window.offered(&receiver);
+    let (mut throughput, mut asked) = (0.0, 0.0);
     for x in window.points() {
-        let at = words.towards(word, &(x - receiver))?;
+        let at = words.towards(word, &(x - receiver.position))?;
         if let Some(departure) = words.departure(word, at) {
             asked += 1.0;
-            let weight = departure.weight.v.max(0.0);
-            look.passed += weight * departure.lossless_throughput();
-            look.offered += weight;
+            throughput += departure.lossless_throughput();
         }
     }
-    if asked > 0.0 {
-        look.passed *= area / asked;
-        look.offered *= area / asked;
-    }
-    Some(look)
+    let passed = if asked > 0.0 { offered * throughput / asked } else { offered };
+    Some(Look { passed, offered, reaches: true, island: false })
 }
 
 /// Whether a point is on a regular grid.

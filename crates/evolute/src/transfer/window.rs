@@ -141,12 +141,14 @@ impl Shown {
     }
 }
 
-/// Traces a chain of a word to each plane or round body that its window shows.
+/// Traces a chain of a word to each plane or round body that its window shows, and supposes plane mirrors that none
+/// arrives at.
 pub fn look_through(words: &mut Words<'_>, word: WordId) {
     let Some(window) = words.window(word).cloned() else { return };
     let (scene, receiver) = (words.scene(), words.receiver().position);
     let eye = window.unfold.inverse_point(&receiver);
     let own = words.letter(word);
+    let in_part = words.part(word, &window.corners).is_some();
     for (k, shape) in scene.shapes.iter().enumerate() {
         let id = ShapeId(k as u32);
         if !shape.material.is_specular() && shape.radiance.is_black() {
@@ -157,16 +159,24 @@ pub fn look_through(words: &mut Words<'_>, word: WordId) {
                 continue;
             }
             let Some(seen) = window.through(&polygon, &receiver) else { continue };
-            for x in spread(&seen) {
-                let Some(at) = words.towards(word, &(x - receiver)) else { continue };
-                let hit = words.departure(word, at).and_then(|departure| departure.next);
-                let arrives = hit.is_some_and(|hit| {
+            let plane = is_plane(&shape.surface);
+            // Cells look for a plane lamp where it is shown, and a plane mirror that is hidden from the middle
+            // need not be hidden from all: one chain is enough to ask.
+            let most = match (plane, shape.material.is_specular()) {
+                (true, false) if in_part => 0,
+                (true, true) => 1,
+                _ => usize::MAX,
+            };
+            let arrives = spread(&seen).take(most).any(|x| {
+                let at = words.towards(word, &(x - receiver));
+                let departure = at.and_then(|at| words.departure(word, at));
+                departure.and_then(|departure| departure.next).is_some_and(|hit| {
                     let met = facet(&shape.surface, hit.anchor.point.primitive);
                     hit.anchor.shape == id && met == piece
-                });
-                if arrives {
-                    break;
-                }
+                })
+            });
+            if !arrives && plane {
+                words.suppose(word, id, piece, mean(&polygon), &eye);
             }
         }
     }
@@ -176,6 +186,22 @@ impl Window {
     /// Points spread over it, the middle first, in which directions from the receiver lie [m].
     pub fn points(&self) -> impl Iterator<Item = Point3> + use<> {
         spread(&self.corners)
+    }
+
+    /// Irradiance per unit of radiance that all of it would bring (Lambert 1760).
+    pub fn offered(&self, receiver: &Receiver) -> f64 {
+        let side = |(p, q): (&Point3, &Point3)| {
+            let (p, q) = (p - receiver.position, q - receiver.position);
+            let across = p.cross(&q);
+            let sine = across.norm();
+            if sine > 0.0 {
+                math::atan2(sine, p.dot(&q)) * across.dot(&receiver.normal) / sine
+            } else {
+                0.0
+            }
+        };
+        let next = self.corners.iter().cycle().skip(1);
+        0.5 * self.corners.iter().zip(next).map(side).sum::<f64>().abs()
     }
 
     /// Its corners, unfolded [m].

@@ -1,6 +1,7 @@
 //! What is known of where a word's chains went: the letters that they met, and from which part of the domain.
 
 use super::{WordId, Words};
+use crate::geometry::Point3;
 use crate::scene::ShapeId;
 use crate::surface::Surface;
 use crate::transfer::chain::{Event, Step, events};
@@ -84,5 +85,27 @@ impl Words<'_> {
         self.parent(word).map_or_else(Vec::new, |parent| {
             self.words[parent.0 as usize].landings.some(self.letter(word), count)
         })
+    }
+
+    /// Supposes that chains of a word meet a plane piece of a surface, `x` on it, as the word shows it to an eye.
+    pub fn suppose(
+        &mut self,
+        word: WordId,
+        shape: ShapeId,
+        primitive: Option<u32>,
+        x: Point3,
+        eye: &Point3,
+    ) {
+        let surface = &self.scene.shape(shape).surface;
+        let Some(point) = surface.locate(&x) else { return };
+        let Some(local) = surface.local(&point) else { return };
+        let front = (x - eye).dot(&local.ng) < 0.0;
+        for event in events(&self.scene.shape(shape).material, front) {
+            let step = Step { shape, primitive, front, event, hint: point };
+            let list = &mut self.words[word.0 as usize].discovered;
+            if !list.iter().any(|s| s.same_letter(&step)) {
+                list.push(step);
+            }
+        }
     }
 }
