@@ -153,7 +153,7 @@ fn a_stopped_receiver_says_what_it_may_lack() {
 /// and longer than the longest that is followed count in the error; chains that are not wanted do not.
 #[test]
 fn chains_that_are_cut_count_in_the_error() {
-    let (gap, far) = (0.5, 0.5);
+    let (gap, far) = (0.1, 0.5);
     let scene = scene(vec![
         shape("floor", rectangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), mirror(), 0.0),
         shape("roof", rectangle([0.0, 0.0, gap], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]), mirror(), 0.0),
@@ -173,17 +173,18 @@ fn chains_that_are_cut_count_in_the_error() {
         lambert(&receiver, &corners)
     };
     let light = |max_specular| {
-        let settings = TransferSettings { max_specular, ..settings(0.05) };
+        let settings = TransferSettings { max_specular, ..settings(0.01) };
         Transfer::new(&scene, &tracer, settings).light(&receiver, SPECULAR)
     };
     let short = light(4);
     println!("{} {:?}", wall(5.0), short);
-    assert!(short.met && (short.specular[1] - wall(5.0)).abs() <= 0.05 * wall(5.0));
+    assert!(short.met && (short.specular[1] - wall(5.0)).abs() <= 0.01 * wall(5.0));
     let (wanted, cut) = (light(LONGEST_CHAIN), light(LONGEST_CHAIN + 1));
     println!("{} {:?} {:?}", wall(257.0), wanted, cut);
-    assert!(wanted.met && (wanted.specular[1] - wall(257.0)).abs() <= 0.05 * wall(257.0));
+    // There are too many to follow each to the end; the estimate says what may be missing.
+    assert!((wanted.specular[1] - wall(257.0)).abs() <= wanted.error);
+    assert!(wanted.error < 0.1 * wall(257.0));
     // The same light, but what the mirrors still pass on is missing.
     assert_eq!(cut.specular, wanted.specular);
     assert!(!cut.met && cut.error - wanted.error >= wall(1e6) - wall(257.0));
-    assert!(cut.error > 0.05 * wall(257.0));
 }
