@@ -27,19 +27,20 @@ const CROWD: usize = 64;
 const MANY: u32 = 2;
 
 /// Whether something may hide a part of a lamp from the chains of a word at and between four grid
-/// points, in order around a cell that many divisions below the first grid.
+/// points, in order around a cell that many divisions below the first grid, other than what is `known` to.
 pub fn may_hide(
     words: &mut Words<'_>,
     word: WordId,
     lamp: &Lamp,
     corners: [GridPoint; 4],
     divisions: u32,
+    known: &[ShapeId],
 ) -> bool {
     let mut chain = vec![word];
     while let Some(before) = chain.last().and_then(|w| words.parent(*w)) {
         chain.push(before);
     }
-    let mut leg = Leg { starts: ArrayVec::new(), from: None, divisions };
+    let mut leg = Leg { starts: ArrayVec::new(), from: None, divisions, known };
     leg.starts.push(words.receiver().position);
     for id in chain.into_iter().rev() {
         let mut points = ArrayVec::new();
@@ -52,7 +53,7 @@ pub fn may_hide(
         if leg.is_suspicious(words, &points, shape) {
             return true;
         }
-        leg = Leg { starts: points, from: shape, divisions };
+        leg = Leg { starts: points, from: shape, divisions, known };
     }
     let bounds = words.scene().shape(lamp.shape).surface.bounds();
     let mut ends = ArrayVec::new();
@@ -68,14 +69,16 @@ pub fn may_hide(
 }
 
 /// Where the leg of a cell's chains starts.
-struct Leg {
+struct Leg<'k> {
     /// One point, or one for each corner of the cell [m].
     starts: ArrayVec<Point3, 4>,
     from: Option<ShapeId>,
     divisions: u32,
+    /// What is known to stand in it.
+    known: &'k [ShapeId],
 }
 
-impl Leg {
+impl Leg<'_> {
     /// Whether something may stand between the starts and the ends, on `to`.
     fn is_suspicious(
         &self,
@@ -98,7 +101,7 @@ impl Leg {
             &bounds,
             |b| !shaft().keeps_out(b),
             |shape, primitive| {
-                !self.is_end(words, shape, to) && {
+                !self.known.contains(&shape) && !self.is_end(words, shape, to) && {
                     let (body, counts) = Body::of(words.scene(), shape, primitive);
                     self.divisions < counts && !shaft().excludes(&body)
                 }

@@ -88,7 +88,7 @@ impl Quadrature<'_, '_> {
                     let watched = through && whole > WATCHED_SHARE * tolerance;
                     if watched && !self.is_as_cut(place, &mut interpolant) {
                         error = whole;
-                    } else if watched && ends_unseen(sights) {
+                    } else if watched && (ends_unseen(sights) || self.may_hide_more(place)) {
                         error = error.max(HIDDEN_SHARE * whole);
                     }
                 }
@@ -100,7 +100,7 @@ impl Quadrature<'_, '_> {
         } else if through && whole > WATCHED_SHARE * tolerance {
             let hidden = self.hidden_share(place, &interpolant);
             integral = integral.map(|v| (1.0 - hidden) * v);
-            if hidden > 0.0 || self.may_hide_through(place) {
+            if hidden > 0.0 || self.may_hide_through(place, &[]) {
                 error = error.max(whole * hidden.max(HIDDEN_SHARE));
             }
         } else if let Term::Direct(field, _) = &self.terms[term] {
@@ -170,19 +170,35 @@ impl Quadrature<'_, '_> {
     /// has no gaps of its own.
     pub(super) fn hide_all(&self, blockers: &[Blocker], first_cells: bool) -> bool {
         let Some(one) = blockers.first() else { return true };
-        let solid = |shape: ShapeId| match &self.words.scene().shape(shape).surface {
-            Surface::Mesh(m) => m.triangles().len() <= SOLID_TRIANGLES,
-            _ => true,
-        };
-        (!first_cells || solid(one.shape)) && blockers.iter().all(|b| b == one)
+        (!first_cells || self.is_solid(one.shape)) && blockers.iter().all(|b| b == one)
     }
 
-    /// Whether something reaches into the beam of a cell of a word between the rays that were asked.
-    fn may_hide_through(&mut self, place: &Place) -> bool {
+    /// Whether a body is taken to have no gaps.
+    fn is_solid(&self, shape: ShapeId) -> bool {
+        match &self.words.scene().shape(shape).surface {
+            Surface::Mesh(m) => m.triangles().len() <= SOLID_TRIANGLES,
+            _ => true,
+        }
+    }
+
+    /// Whether something may hide more of a cell than the body that is seen to: that one's border is known, if it
+    /// has no gaps of its own.
+    fn may_hide_more(&mut self, place: &Place) -> bool {
+        let points = place.corners().into_iter().chain([place.at(0.5, 0.5)]);
+        let numbers: ArrayVec<usize, 5> = points.map(|at| self.sample(place.term, at)).collect();
+        let blockers = numbers.iter().filter_map(|k| self.samples[*k].as_ref()?.blocker);
+        let known: ArrayVec<ShapeId, 5> =
+            blockers.map(|b| b.shape).filter(|shape| self.is_solid(*shape)).collect();
+        self.may_hide_through(place, &known)
+    }
+
+    /// Whether something else than what is known to reaches into the beam of a cell of a word between the rays
+    /// that were asked.
+    fn may_hide_through(&mut self, place: &Place, known: &[ShapeId]) -> bool {
         let Term::Through(word, lamp) = self.terms[place.term] else { return false };
         let [p, q, r, s] = place.corners();
         let divisions = place.cell.level - self.first[place.term];
-        may_hide(&mut self.words, word, &self.lamps[lamp], [p, q, s, r], divisions)
+        may_hide(&mut self.words, word, &self.lamps[lamp], [p, q, s, r], divisions, known)
     }
 
     /// Whether nothing is known to stand in the way at a grid point.
