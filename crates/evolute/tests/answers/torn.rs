@@ -76,6 +76,12 @@ fn bubble_in_a_ball() {
     compare("bubble");
 }
 
+/// What two flat mirrors show past a bar that hides the middle of each.
+#[test]
+fn periscope() {
+    compare("periscope");
+}
+
 /// Receivers near the wall, which reflects twice and more.
 #[test]
 fn half_ring() {
