@@ -8,7 +8,7 @@ use super::word::{WordId, Words};
 /// Known chains that are looked at where a coarse grid finds none of a word.
 const MOST_LANDINGS: usize = 9;
 
-/// Legal chains on the grid below which the known ones are looked at, too.
+/// Legal chains on the grid below which one twice as fine is asked.
 const FEW: f64 = 9.0;
 
 /// What a coarse grid of samples tells of a word.

@@ -1,9 +1,9 @@
 //! What a receiver sees by way of plane mirrors alone, without a search.
 //!
 //! Unfolded along its reflections, a chain of plane mirrors is a straight line: each mirror is a polygon that
-//! cuts a part out of the window that those before it leave. One chain through the middle of what is left of
-//! a body is enough for the search to know of it, however small it looks: of ten reflections between two
-//! facing mirrors the last windows are far narrower than the cells of a first grid.
+//! cuts a part out of the window that those before it leave. What is left of a plane mirror is a letter that may
+//! follow, however small it looks: of ten reflections between two facing mirrors the last windows are far narrower
+//! than the cells of a first grid. Towards a ball a few chains are traced.
 //!
 //! What a window shows bounds what may come through it: outside of it cells are dark by proof.
 //!
@@ -112,6 +112,32 @@ impl Window {
         }
         normal(&seen).is_some().then_some(seen)
     }
+
+    /// Points spread over it, the middle first, in which directions from the receiver lie [m].
+    pub fn points(&self) -> impl Iterator<Item = Point3> + use<> {
+        spread(&self.corners)
+    }
+
+    /// Irradiance per unit of radiance that all of it would bring (Lambert 1760).
+    pub fn offered(&self, receiver: &Receiver) -> f64 {
+        let side = |(p, q): (&Point3, &Point3)| {
+            let (p, q) = (p - receiver.position, q - receiver.position);
+            let across = p.cross(&q);
+            let sine = across.norm();
+            if sine > 0.0 {
+                math::atan2(sine, p.dot(&q)) * across.dot(&receiver.normal) / sine
+            } else {
+                0.0
+            }
+        };
+        let next = self.corners.iter().cycle().skip(1);
+        0.5 * self.corners.iter().zip(next).map(side).sum::<f64>().abs()
+    }
+
+    /// Its corners, unfolded [m].
+    pub fn corners(&self) -> &[Point3] {
+        &self.corners
+    }
 }
 
 /// What a word's window shows of a lamp.
@@ -179,34 +205,6 @@ pub fn look_through(words: &mut Words<'_>, word: WordId) {
                 words.suppose(word, id, piece, mean(&polygon), &eye);
             }
         }
-    }
-}
-
-impl Window {
-    /// Points spread over it, the middle first, in which directions from the receiver lie [m].
-    pub fn points(&self) -> impl Iterator<Item = Point3> + use<> {
-        spread(&self.corners)
-    }
-
-    /// Irradiance per unit of radiance that all of it would bring (Lambert 1760).
-    pub fn offered(&self, receiver: &Receiver) -> f64 {
-        let side = |(p, q): (&Point3, &Point3)| {
-            let (p, q) = (p - receiver.position, q - receiver.position);
-            let across = p.cross(&q);
-            let sine = across.norm();
-            if sine > 0.0 {
-                math::atan2(sine, p.dot(&q)) * across.dot(&receiver.normal) / sine
-            } else {
-                0.0
-            }
-        };
-        let next = self.corners.iter().cycle().skip(1);
-        0.5 * self.corners.iter().zip(next).map(side).sum::<f64>().abs()
-    }
-
-    /// Its corners, unfolded [m].
-    pub fn corners(&self) -> &[Point3] {
-        &self.corners
     }
 }
 
