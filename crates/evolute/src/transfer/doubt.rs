@@ -3,13 +3,17 @@
 //! Chains that are known from inside it may contradict them, and they may tell too little: then the cell keeps an
 //! error, by which the queue divides it.
 
+use arrayvec::ArrayVec;
+
 use super::estimate::{GUESSED_LEVELS, Place};
 use super::field::{FieldSample, Sight};
+use super::grid::GridPoint;
 use super::interpolant::{Corners, misses};
 use super::landing::Darkness;
 use super::quadrature::{FIRST_LEVEL, Quadrature};
 use super::scout::Beam;
-use super::word::WordId;
+use super::word::{WordId, Words};
+use crate::geometry::Vector3;
 use crate::scene::ShapeId;
 use crate::surface::Surface;
 
@@ -19,6 +23,8 @@ const AREA_MARGIN: f64 = 1.5;
 /// Share of a dark cell's worth, lit all over, that counts as its error while no proof speaks for the
 /// darkness between its corners.
 const DOUBT_SHARE: f64 = 0.1;
+/// Divisions of the first grid down to which a lamp that no edge function tells of is looked for beside its samples.
+const UNOUTLINED_LEVELS: u32 = 6;
 /// Of chains that turn by more than this over a cell [rad], those that exist say nothing of others.
 const TRUSTED_TURN: f64 = 0.5;
 
@@ -40,6 +46,9 @@ impl Quadrature<'_, '_> {
         place: &Place,
         why: Darkness,
     ) -> Option<f64> {
+        if self.may_show_unoutlined(word, lamp, place) {
+            return Some(DOUBT_SHARE * self.undivided(place));
+        }
         let numbers = place.corners().map(|point| self.sample(place.term, point));
         let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
         let is_real = corners.iter().flatten().any(|s| s.legal);
@@ -75,6 +84,28 @@ impl Quadrature<'_, '_> {
         let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
         beam.may_meet(self.words.scene(), self.words.tracer(), letter)
             .then_some(DOUBT_SHARE * whole)
+    }
+
+    /// Whether a lamp of which no edge function tells may be seen between the corners of a cell. Where all of them
+    /// see its back, only large cells are doubted.
+    fn may_show_unoutlined(&mut self, word: WordId, lamp: usize, place: &Place) -> bool {
+        let lamp = &self.lamps[lamp];
+        if lamp.has_outline() {
+            return false;
+        }
+        let numbers = place.corners().map(|point| self.sample(place.term, point));
+        let back = |k: &usize| {
+            let blocker = self.samples[*k].as_ref().and_then(|s| s.blocker);
+            blocker.is_some_and(|b| b.shape == lamp.shape)
+        };
+        let divisions = place.cell.level.saturating_sub(self.first[place.term]);
+        let most = if numbers.iter().all(back) { GUESSED_LEVELS } else { UNOUTLINED_LEVELS };
+        divisions < most
+            && Beam::of(&mut self.words, word, place.cell, true).is_some_and(|beam| {
+                let (scene, tracer) = (self.words.scene(), self.words.tracer());
+                let bulge = bulge(&mut self.words, word, place, &scene.shape(lamp.shape).surface);
+                beam.may_meet_shape(scene, tracer, lamp.shape, bulge)
+            })
     }
 
     /// What an island in a cell could be worth if it were lit all over [W/m²], by the chains that are
@@ -115,4 +146,22 @@ impl Quadrature<'_, '_> {
         let surface = &self.words.scene().shape(shape).surface;
         matches!(surface, Surface::Rectangle(_) | Surface::Disk(_) | Surface::Mesh(_))
     }
+}
+
+/// How far the last legs of a cell's chains may leave the hull of those at its corners on the way to a surface [m]:
+/// as far as the centre's is from what they say of it.
+fn bulge(words: &mut Words<'_>, word: WordId, place: &Place, to: &Surface) -> f64 {
+    let centre = to.bounds().centre();
+    let mut leg = |at: GridPoint| {
+        words.departure(word, at).map(|d| {
+            let x = d.anchor.point.x;
+            (x.coords, d.ray.d.v.normalize() * (centre - x).norm())
+        })
+    };
+    let corners: ArrayVec<(Vector3, Vector3), 4> =
+        place.corners().into_iter().filter_map(&mut leg).collect();
+    let (true, Some((x, d))) = (corners.is_full(), leg(place.at(0.5, 0.5))) else { return 0.0 };
+    let mean =
+        |of: fn(&(Vector3, Vector3)) -> Vector3| corners.iter().map(of).sum::<Vector3>() / 4.0;
+    (x - mean(|c| c.0)).norm() + (d - mean(|c| c.1)).norm()
 }

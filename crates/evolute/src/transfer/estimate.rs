@@ -13,7 +13,7 @@ use super::interpolant::{Corners, Interpolant, Light, is_dark};
 use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
 use super::quadrature::{LAST_LEVEL, Quadrature, Term};
-use super::shadow::HIDDEN_SHARE;
+use super::shadow::{HIDDEN_LEVELS, HIDDEN_SHARE};
 use super::word::WordId;
 use crate::geometry::Rgb;
 use crate::optics::Dual;
@@ -187,7 +187,11 @@ impl Quadrature<'_, '_> {
         let interpolant = Interpolant::new(&corners, centre, edges, guessed, h, light)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
             let doubtful = torn && level < first + GUESSED_LEVELS;
-            if !matters || (!doubtful && self.hide_all(&blockers, level < first + 2)) {
+            // Between two walls that touch a lamp that is seen directly is hidden as far as samples tell.
+            let deep =
+                matches!(self.terms[term], Term::Direct(..)) && level >= first + HIDDEN_LEVELS;
+            let hidden = deep || self.hide_all(&blockers, level < first + 2);
+            if !matters || (!doubtful && hidden) {
                 return Err(Darkness::NoLight);
             }
             // Light may come through between one body and the next.

@@ -90,10 +90,10 @@ impl<'s> DirectField<'s> {
         Self { domain, shape, receiver, contacts, tracer, suspects }
     }
 
-    /// Whether some suspect may hide a part of the cell [a, a+h] × [b, b+h] that samples did not
-    /// see. Bodies known only by their boxes count on the first divisions alone, since a box that
+    /// Whether some suspect that is not among the `known` may hide a part of the cell [a, a+h] × [b, b+h]
+    /// that samples did not see. Bodies known only by their boxes count on the first divisions alone, since a box that
     /// reaches in may do so for ever.
-    pub fn may_hide(&self, a: f64, b: f64, h: f64, divisions: u32) -> bool {
+    pub fn may_hide(&self, (a, b): (f64, f64), h: f64, divisions: u32, known: &[ShapeId]) -> bool {
         let Some(suspects) = &self.suspects else { return false };
         let corners: ArrayVec<Point3, 4> = [(a, b), (a + h, b), (a + h, b + h), (a, b + h)]
             .into_iter()
@@ -105,7 +105,7 @@ impl<'s> DirectField<'s> {
         let shaft = Shaft::new(&self.receiver.position, &corners);
         suspects.iter().any(|&(shape, primitive)| {
             let (body, counts) = Body::of(self.tracer.scene(), shape, primitive);
-            divisions < counts && !shaft.excludes(&body)
+            !known.contains(&shape) && divisions < counts && !shaft.excludes(&body)
         })
     }
 
@@ -123,16 +123,18 @@ impl<'s> DirectField<'s> {
         let mut edges = ArrayVec::new();
         edges.push(cos_1);
         edges.push(facing);
-        let sight = if cos_1.v <= 0.0 || facing.v <= 0.0 {
-            Sight::Unknown
+        let (sight, blocker) = if cos_1.v <= 0.0 || facing.v <= 0.0 {
+            (Sight::Unknown, None)
         } else {
             counts.rays += 1;
             let ray = Ray::new(self.receiver.position, first.d.v);
             let end = Anchor { shape: self.shape, point: first.point };
             if self.tracer.occluded(&ray, first.distance, &self.contacts, Some(&end)) {
-                Sight::Off
+                counts.rays += 1;
+                let by = self.tracer.nearest(&ray, first.distance, &self.contacts);
+                (Sight::Off, by.map(|hit| Blocker { shape: hit.anchor.shape, leg: 0 }))
             } else {
-                Sight::On
+                (Sight::On, None)
             }
         };
         Some(FieldSample {
@@ -141,7 +143,7 @@ impl<'s> DirectField<'s> {
             weight: [weight; 3],
             legal: true,
             sight,
-            blocker: None,
+            blocker,
             normal: first.n.v,
             direction: first.d.v,
             turning: first.d.a.norm() + first.d.b.norm(),
@@ -208,8 +210,10 @@ fn sight(
     let on_lamp = next.is_some_and(|h| lamp.is_hit(&h.anchor, scene));
     let by = next.map(|h| Blocker { shape: h.anchor.shape, leg });
     if !lamp.has_outline() {
-        // The tracer alone knows; its hits on the back are told by the caller's radiance side.
-        return if on_lamp { (Sight::On, None) } else { (Sight::Off, by) };
+        // The tracer alone knows; the back is dark and hides what is behind it.
+        let front = next.and_then(|h| scene.shape(h.anchor.shape).surface.local(&h.anchor.point));
+        let front = front.is_some_and(|l| l.ng.dot(&departure.ray.d.v) < 0.0);
+        return if on_lamp && front { (Sight::On, None) } else { (Sight::Off, by) };
     }
     if on_lamp {
         return (Sight::On, None);

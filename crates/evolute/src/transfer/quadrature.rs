@@ -32,6 +32,12 @@ pub const LAST_LEVEL: u32 = 14;
 /// When all but this share of the error is in cells that cannot be divided, dividing the others is in vain.
 const SETTLED_SHARE: f64 = 0.1;
 
+/// Cells of at least this share of the worst error are divided together. One at a time, the last steps
+/// would be so small that sums stop right at the tolerance, and the estimate says nothing but that.
+const WORST_SHARE: f64 = 0.9;
+/// Most cells that are divided together.
+const MOST_TOGETHER: usize = 64;
+
 /// What is integrated.
 pub enum Term<'s> {
     /// A lamp seen directly.
@@ -189,16 +195,25 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         self.queue.peek().map_or(0.0, |c| c.error)
     }
 
-    /// Divides the worst cell; the word whose chains it traced, or `None` if nothing can be divided.
-    pub fn divide_worst(&mut self, tolerance: f64) -> Option<Option<WordId>> {
-        let worst = self.queue.pop()?;
-        let cell = self.cells[worst.cell as usize];
-        self.remove(worst.cell);
-        self.divide(&cell, tolerance);
-        Some(match &self.terms[cell.term as usize] {
-            Term::Through(word, _) => Some(*word),
-            Term::Direct(..) => None,
-        })
+    /// Divides the worst cells; the words whose chains it traced, or `None` if nothing can be divided.
+    pub fn divide_worst(&mut self, tolerance: f64) -> Option<Vec<WordId>> {
+        let least = WORST_SHARE * self.queue.peek()?.error;
+        let mut worst: ArrayVec<u32, MOST_TOGETHER> = ArrayVec::new();
+        while !worst.is_full() && self.worst() >= least {
+            worst.extend(self.queue.pop().map(|c| c.cell));
+        }
+        let mut words = Vec::new();
+        for index in worst {
+            let cell = self.cells[index as usize];
+            self.remove(index);
+            self.divide(&cell, tolerance);
+            if let Term::Through(word, _) = self.terms[cell.term as usize]
+                && !words.contains(&word)
+            {
+                words.push(word);
+            }
+        }
+        Some(words)
     }
 
     fn remove(&mut self, index: u32) {

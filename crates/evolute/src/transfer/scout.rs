@@ -18,7 +18,7 @@ use super::landing::{Square, Target};
 use super::polynomial::Patch;
 use super::shaft::{Body, Shaft, separated};
 use super::word::{WordId, Words};
-use crate::geometry::{Aabb, Point3};
+use crate::geometry::{Aabb, Point3, Vector3};
 use crate::optics::Dual;
 use crate::scene::{Scene, ShapeId};
 use crate::surface::{Parametric, Surface};
@@ -79,6 +79,7 @@ pub struct Beam {
     starts: ArrayVec<Point3, 4>,
     /// Where they meet something [m], or beyond all bounds.
     ends: ArrayVec<Point3, 4>,
+    directions: ArrayVec<Vector3, 4>,
     from: Piece,
     /// What they meet.
     known: ArrayVec<Piece, 4>,
@@ -98,6 +99,7 @@ impl Beam {
         let mut beam = Self {
             starts: ArrayVec::new(),
             ends: ArrayVec::new(),
+            directions: ArrayVec::new(),
             from,
             known: ArrayVec::new(),
             most: 0.0,
@@ -127,20 +129,38 @@ impl Beam {
     fn add(&mut self, departure: &Departure, reach: f64) {
         let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
         self.starts.push(o);
+        self.directions.push(d);
         self.ends.push(departure.next.map_or(o + d * reach, |hit| hit.anchor.point.x));
         self.most = self.most.max(departure.weight.v.abs() * departure.lossless_throughput());
     }
 
     /// Whether a surface may be met as the last letter of a word that follows.
     pub fn may_meet(&self, scene: &Scene, tracer: &Tracer<'_>, letter: Target) -> bool {
-        self.may_meet_any(scene, tracer, |met| met == (letter.shape, letter.primitive))
+        self.may_meet_any(scene, tracer, 0.0, |met| met == (letter.shape, letter.primitive))
+    }
+
+    /// Whether any of a shape may be met, whatever stands before it, by legs that stay within a distance [m] of the
+    /// hull of the corners'.
+    pub fn may_meet_shape(
+        mut self,
+        scene: &Scene,
+        tracer: &Tracer<'_>,
+        shape: ShapeId,
+        bulge: f64,
+    ) -> bool {
+        let bounds = scene.shape(shape).surface.bounds();
+        let (centre, radius) = (bounds.centre(), 0.5 * bounds.diagonal());
+        for ((end, start), d) in self.ends.iter_mut().zip(&self.starts).zip(&self.directions) {
+            *end = start + d * ((centre - start).norm() + radius);
+        }
+        self.may_meet_any(scene, tracer, bulge, |met| met.0 == shape)
     }
 
     /// Whether a specular surface may be met that no chain of the word is known to meet. For the letters
     /// that are known, cells are not held dark instead.
     fn may_meet_more(&self, words: &Words<'_>, word: WordId) -> bool {
         let scene = words.scene();
-        self.may_meet_any(scene, words.tracer(), |met| {
+        self.may_meet_any(scene, words.tracer(), 0.0, |met| {
             scene.shape(met.0).material.is_specular()
                 && !self.known.contains(&met)
                 && !words.has_met(word, met)
@@ -151,13 +171,14 @@ impl Beam {
         &self,
         scene: &Scene,
         tracer: &Tracer<'_>,
+        bulge: f64,
         wanted: impl Fn(Piece) -> bool,
     ) -> bool {
         let start = Aabb::around(self.starts.iter().copied());
         let start = start.grown(start.diagonal());
-        let shaft = Shaft::between(&self.starts, &self.ends);
+        let shaft = Shaft::between(&self.starts, &self.ends).widened(bulge);
         let axes = OnceCell::new();
-        let bounds = Aabb::around(self.starts.iter().chain(&self.ends).copied());
+        let bounds = Aabb::around(self.starts.iter().chain(&self.ends).copied()).grown(bulge);
         tracer.any_in(
             &bounds,
             |b| !shaft.keeps_out(b),

@@ -27,9 +27,7 @@ pub const HIDDEN_SHARE: f64 = 0.5;
 const TORN_SHARE: f64 = 0.1;
 /// Divisions of the first grid from which on samples of the lit part of a cell tell that it is hidden: it may
 /// show beyond them.
-const HIDDEN_LEVELS: u32 = 4;
-/// A mesh of more triangles may be a blind or a comb; a cube has twelve.
-const SOLID_TRIANGLES: usize = 12;
+pub const HIDDEN_LEVELS: u32 = 4;
 /// A cell that is worth less than this share of the tolerance is not watched for what hides a part of
 /// it between its samples.
 const WATCHED_SHARE: f64 = 0.05;
@@ -74,25 +72,33 @@ impl Quadrature<'_, '_> {
                 return Ok(Estimate { integral: Rgb::BLACK, error: whole, divide: false });
             }
         }
+        let hiders = self.hiders(place, &interpolant);
         if whole == 0.0 {
             // The lamp is not there; nothing need be asked about what hides it.
-        } else if any(Sight::Off) {
-            let seen = |s: Sight| s != Sight::Off;
-            let ask = |a: f64, b: f64| self.sees(term, place.at(a, b));
-            match border(sights.map(seen), seen(middle), ask) {
-                Border::Everything => {}
-                Border::Nothing => return Err(Darkness::NoLight),
+        } else if any(Sight::Off) || !hiders.is_empty() {
+            let shown = place.corners().map(|at| self.shows(term, at, &hiders));
+            let seen = |shown: Option<bool>| shown != Some(false);
+            let at_centre = seen(self.shows(term, place.at(0.5, 0.5), &hiders));
+            let ask = |a: f64, b: f64| seen(self.shows(term, place.at(a, b), &hiders));
+            match border(shown.map(seen), at_centre, ask) {
+                Border::Nothing if !any(Sight::On) && self.is_behind_one(place) => {
+                    return Err(Darkness::NoLight);
+                }
+                Border::Nothing if !any(Sight::On) && !any(Sight::Unknown) => {
+                    return Err(Darkness::NoLight);
+                }
                 Border::Cut(patch, doubt) => {
                     integral = interpolant.behind(*patch, tolerance);
                     error = error.min(whole) + (interpolant.most() * doubt).min(whole);
-                    let watched = through && whole > WATCHED_SHARE * tolerance;
+                    let watched = whole > WATCHED_SHARE * tolerance;
                     if watched && !self.is_as_cut(place, &mut interpolant) {
                         error = whole;
-                    } else if watched && (ends_unseen(sights) || self.may_hide_more(place)) {
+                    } else if watched && (ends_unseen(shown) || self.may_hide_more(place)) {
                         error = error.max(HIDDEN_SHARE * whole);
                     }
                 }
-                Border::Tangled => {
+                Border::Everything if hiders.is_empty() => {}
+                _ => {
                     integral = integral.map(|v| 0.5 * v);
                     error = whole;
                 }
@@ -103,13 +109,9 @@ impl Quadrature<'_, '_> {
             if hidden > 0.0 || self.may_hide_through(place, &[]) {
                 error = error.max(whole * hidden.max(HIDDEN_SHARE));
             }
-        } else if let Term::Direct(field, _) = &self.terms[term] {
+        } else if !through && self.may_hide_through(place, &[]) {
             // All five rays are free; a proof is asked for what stands between them.
-            let (a, b) = place.at(0.0, 0.0).coordinates();
-            let divisions = place.cell.level - self.first[term];
-            if field.may_hide(a, b, place.size(), divisions) {
-                error = error.max(whole * HIDDEN_SHARE);
-            }
+            error = error.max(whole * HIDDEN_SHARE);
         }
         if torn && cut {
             error = error.max(TORN_SHARE * interpolant.most());
@@ -173,10 +175,10 @@ impl Quadrature<'_, '_> {
         (!first_cells || self.is_solid(one.shape)) && blockers.iter().all(|b| b == one)
     }
 
-    /// Whether a body is taken to have no gaps.
+    /// Whether a body is taken to have no gaps. Other meshes may be blinds or walls with windows.
     fn is_solid(&self, shape: ShapeId) -> bool {
         match &self.words.scene().shape(shape).surface {
-            Surface::Mesh(m) => m.triangles().len() <= SOLID_TRIANGLES,
+            Surface::Mesh(m) => m.is_convex(),
             _ => true,
         }
     }
@@ -192,13 +194,63 @@ impl Quadrature<'_, '_> {
         self.may_hide_through(place, &known)
     }
 
-    /// Whether something else than what is known to reaches into the beam of a cell of a word between the rays
-    /// that were asked.
+    /// Whether something else than what is known to reaches into the beam of a cell between the rays that were
+    /// asked.
     fn may_hide_through(&mut self, place: &Place, known: &[ShapeId]) -> bool {
-        let Term::Through(word, lamp) = self.terms[place.term] else { return false };
-        let [p, q, r, s] = place.corners();
         let divisions = place.cell.level - self.first[place.term];
-        may_hide(&mut self.words, word, &self.lamps[lamp], [p, q, s, r], divisions, known)
+        match &self.terms[place.term] {
+            Term::Direct(field, _) => {
+                let at = place.at(0.0, 0.0).coordinates();
+                field.may_hide(at, place.size(), divisions, known)
+            }
+            Term::Through(word, lamp) => {
+                let [p, q, r, s] = place.corners();
+                let lamp = &self.lamps[*lamp];
+                may_hide(&mut self.words, *word, lamp, [p, q, s, r], divisions, known)
+            }
+        }
+    }
+
+    /// The bodies that are seen to hide some of the lit part of a cell. Where something stands beside the
+    /// lamp's outline at a corner and nothing else tells, a few points of the lit part are asked.
+    fn hiders(&mut self, place: &Place, interpolant: &Interpolant) -> ArrayVec<Blocker, 11> {
+        let term = place.term;
+        let mut hiders = ArrayVec::new();
+        let points = place.corners().into_iter().chain([place.at(0.5, 0.5)]);
+        let mut numbers: ArrayVec<usize, 11> = points.map(|at| self.sample(term, at)).collect();
+        let known = |q: &Self, k: usize| q.samples[k].as_ref().map(|s| (s.sight, s.blocker));
+        let is_off = |q: &Self, k: usize| matches!(known(q, k), Some((Sight::Off, _)));
+        let beside = |k: &usize| matches!(known(self, *k), Some((Sight::Unknown, Some(_))));
+        if interpolant.is_cut()
+            && numbers.iter().any(beside)
+            && !numbers.iter().any(|k| is_off(self, *k))
+        {
+            let lit = interpolant.lit_points().into_iter();
+            numbers.extend(lit.map(|(a, b)| self.sample(term, place.at(a, b))));
+        }
+        for k in numbers.into_iter().filter(|k| is_off(self, *k)) {
+            if let Some((_, Some(by))) = known(self, k)
+                && !hiders.contains(&by)
+            {
+                hiders.push(by);
+            }
+        }
+        hiders
+    }
+
+    /// Whether a grid point shows the lamp's plane as far as these bodies go; `None` if that is not known.
+    fn shows(&mut self, term: usize, at: GridPoint, hiders: &[Blocker]) -> Option<bool> {
+        let number = self.sample(term, at);
+        let Some(sample) = &self.samples[number] else { return Some(false) };
+        match (sample.sight, sample.blocker) {
+            (Sight::On, _) => Some(true),
+            (Sight::Off, _) => Some(false),
+            (Sight::Unknown, Some(by)) => hiders.contains(&by).then_some(false),
+            (Sight::Unknown, None) => {
+                let asked = sample.legal && matches!(self.terms[term], Term::Through(..));
+                asked.then_some(true)
+            }
+        }
     }
 
     /// Whether nothing is known to stand in the way at a grid point.
@@ -208,11 +260,10 @@ impl Quadrature<'_, '_> {
     }
 }
 
-/// Whether the border between what is seen at a cell's corners and what is not ends where nothing tells of
-/// shadows: beyond the lamp's outline it is a guess.
-fn ends_unseen(sights: [Sight; 4]) -> bool {
+/// Whether the border between what is shown at a cell's corners and what is not ends where that is not known.
+fn ends_unseen(shown: [Option<bool>; 4]) -> bool {
     [(0, 1), (1, 3), (3, 2), (2, 0)].into_iter().any(|(p, q)| {
-        let side = [sights[p], sights[q]];
-        side.contains(&Sight::Off) && side.contains(&Sight::Unknown)
+        let side = [shown[p], shown[q]];
+        side.contains(&Some(false)) && side.contains(&None)
     })
 }

@@ -24,7 +24,7 @@ pub type Extent = (Vector3, f64, f64);
 
 /// Divisions for a body that is the primitive itself.
 const ITSELF: u32 = u32::MAX;
-/// Divisions for a square about a disk, a beam about a rod.
+/// Divisions for a square about a disk, a rod about a tube.
 const CLOSE: u32 = 5;
 /// Divisions for a box along the axes.
 const BOX: u32 = 2;
@@ -35,6 +35,8 @@ pub enum Body {
     Hull(ArrayVec<Vector3, 8>),
     /// Centre and radius.
     Ball(Vector3, f64),
+    /// Centres of the ends and radius of a solid cylinder.
+    Rod([Vector3; 2], f64),
 }
 
 impl Body {
@@ -52,11 +54,7 @@ impl Body {
                 let (c, [p, q]) = (d.centre(), d.radii());
                 (hull(&[c - p - q, c + p - q, c + p + q, c - p + q]), CLOSE)
             }
-            Surface::Cylinder(c) => {
-                let [p, q] = c.across().map(|e| e * c.radius());
-                let corners = c.ends().map(|o| [o - p - q, o + p - q, o - p + q, o + p + q]);
-                (hull(corners.as_flattened()), CLOSE)
-            }
+            Surface::Cylinder(c) => (Self::Rod(c.ends().map(|o| o.coords), c.radius()), CLOSE),
             Surface::Parametric(p) => (hull(&p.leaf_bounds(primitive as usize).corners()), BOX),
         }
     }
@@ -120,6 +118,16 @@ impl Shaft {
         shaft
     }
 
+    /// The shaft, and all within a distance [m] of it.
+    pub fn widened(mut self, by: f64) -> Self {
+        for (axis, low, high) in &mut self.faces {
+            let more = (self.slack + by) * axis.norm();
+            (*low, *high) = (*low - more, *high + more);
+        }
+        self.slack = -by;
+        self
+    }
+
     /// Whether a face of the shaft keeps a box out: quicker than a proof by all axes, and weaker.
     pub fn keeps_out(&self, b: &Aabb) -> bool {
         separated(&self.faces, b)
@@ -155,10 +163,9 @@ impl Shaft {
                     _ => [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().collect(),
                 };
                 let separates = |axis: &Vector3| {
-                    let (low, high) = self.extent(axis);
+                    let (_, low, high) = self.slackened(*axis);
                     let (from, to) = extent(points, axis);
-                    let slack = self.slack * axis.norm();
-                    from >= high - slack || to <= low + slack
+                    from >= high || to <= low
                 };
                 self.faces.iter().any(|(axis, low, high)| {
                     let (from, to) = extent(points, axis);
@@ -172,10 +179,11 @@ impl Shaft {
                         })
                     })
             }
+            Body::Rod(ends, radius) => self.excludes_rod(ends, *radius),
             Body::Ball(centre, radius) => {
                 let separates = |axis: &Vector3| {
                     let length = axis.norm();
-                    let (low, high) = self.extent(axis);
+                    let (_, low, high) = self.slackened(*axis);
                     let at = centre.dot(axis);
                     length > 0.0 && (at - radius * length >= high || at + radius * length <= low)
                 };
@@ -191,6 +199,24 @@ impl Shaft {
                     })
             }
         }
+    }
+
+    fn excludes_rod(&self, ends: &[Vector3; 2], radius: f64) -> bool {
+        let along = (ends[1] - ends[0]).normalize();
+        let separates = |axis: &Vector3| {
+            let across = radius * (axis - along * axis.dot(&along)).norm();
+            let (_, low, high) = self.slackened(*axis);
+            let (from, to) = extent(ends, axis);
+            axis.norm_squared() > 0.0 && (from - across >= high || to + across <= low)
+        };
+        let towards = |p: &Vector3| {
+            let to = p - ends[0];
+            to - along * to.dot(&along).clamp(0.0, (ends[1] - ends[0]).norm())
+        };
+        self.faces.iter().any(|(axis, ..)| separates(axis))
+            || separates(&along)
+            || self.edges.iter().any(|e| separates(&e.cross(&along)))
+            || self.points.iter().any(|p| separates(&towards(p)))
     }
 
     fn extent(&self, axis: &Vector3) -> (f64, f64) {
@@ -267,6 +293,18 @@ mod tests {
             ([1.5, 2.5, 1.5], 0.9, false),
         ] {
             assert_eq!(shaft.excludes(&Body::Ball(Vector3::from(c), r)), out, "{c:?} {r}");
+        }
+        // Along a side of the base's plane, across an edge, with an end in the shaft.
+        for (p, q, r, out) in [
+            ([1.0, 1.0, -3.0], [1.0, 1.0, 3.0], 0.44, true),
+            ([1.0, 1.0, -3.0], [1.0, 1.0, 3.0], 0.46, false),
+            ([-3.0, 2.5, 0.0], [3.0, 2.5, 0.0], 0.49, true),
+            ([-3.0, 2.5, 0.0], [3.0, 2.5, 0.0], 0.51, false),
+            ([2.0, 1.0, 0.0], [0.6, 1.0, 0.0], 0.05, true),
+            ([2.0, 1.0, 0.0], [0.4, 1.0, 0.0], 0.05, false),
+        ] {
+            let rod = Body::Rod([p, q].map(Vector3::from), r);
+            assert_eq!(shaft.excludes(&rod), out, "{p:?} {q:?} {r}");
         }
     }
 }

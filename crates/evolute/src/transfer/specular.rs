@@ -106,15 +106,15 @@ impl<'s> Transfer<'s> {
                 }
                 continue;
             }
-            let Some(word) = quadrature.divide_worst(allowed) else {
+            let Some(words) = quadrature.divide_worst(allowed) else {
                 met = false;
                 break;
             };
-            if let Some(word) = word
-                && quadrature.words.has_discoveries(word)
-            {
-                let found = self.continued(&mut quadrature, word, &mut left);
-                self.follow(&mut quadrature, found, &mut left, |q| tolerance(q, &closed));
+            for word in words {
+                if quadrature.words.has_discoveries(word) {
+                    let found = self.continued(&mut quadrature, word, &mut left);
+                    self.follow(&mut quadrature, found, &mut left, |q| tolerance(q, &closed));
+                }
             }
         }
         let (direct, specular, error) = quadrature.totals();

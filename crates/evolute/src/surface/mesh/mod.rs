@@ -1,5 +1,6 @@
 //! Triangle meshes.
 
+mod convex;
 mod patch;
 
 pub(crate) use patch::{Patch, PatchRoot};
@@ -39,6 +40,7 @@ pub struct Mesh {
     patches: Vec<Patch>,
     bounds: Aabb,
     area: f64,
+    convex: bool,
 }
 
 impl Mesh {
@@ -88,9 +90,18 @@ impl Mesh {
             return not_finite(format!("the texture coordinate of vertex {i}"));
         }
         let (patches, bounds) = (Vec::new(), Aabb::EMPTY);
-        let mut mesh =
-            Self { positions, triangles, normals, texcoords, patches, bounds, area: 0.0 };
+        let mut mesh = Self {
+            positions,
+            triangles,
+            normals,
+            texcoords,
+            patches,
+            bounds,
+            area: 0.0,
+            convex: false,
+        };
         mesh.measure();
+        mesh.convex = mesh.finds_itself_convex();
         if !(mesh.area > 0.0 && mesh.area.is_finite()) {
             return Err(SurfaceError::NoArea { shape: "mesh" });
         }
