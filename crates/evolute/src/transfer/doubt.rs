@@ -5,6 +5,7 @@
 
 use arrayvec::ArrayVec;
 
+use super::chain::{Departure, Event};
 use super::estimate::{GUESSED_LEVELS, Place};
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
@@ -60,10 +61,14 @@ impl Quadrature<'_, '_> {
         }
         let turns = |s: &&FieldSample| s.legal && s.turning * place.size() > TRUSTED_TURN;
         let parent = self.words.parent(word)?;
-        let torn = corners.iter().any(Option::is_none) && corners.iter().flatten().any(turns);
+        let missing = corners.iter().any(Option::is_none);
+        let torn = missing && corners.iter().flatten().any(turns);
         // At the limb of a ball all chains turn fast, however small the cell.
         let early = place.cell.level < FIRST_LEVEL + GUESSED_LEVELS;
         if torn && (early || self.words.is_guessed(word)) && !self.is_total(word, place) {
+            return Some(DOUBT_SHARE * self.undivided(place));
+        }
+        if missing && is_real && self.may_sweep(word, parent, lamp, place) {
             return Some(DOUBT_SHARE * self.undivided(place));
         }
         if is_real {
@@ -84,6 +89,24 @@ impl Quadrature<'_, '_> {
         let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
         beam.may_meet(self.words.scene(), self.words.tracer(), letter)
             .then_some(DOUBT_SHARE * whole)
+    }
+
+    /// Whether a lamp may be seen in the limb of a mirror that ends in a cell, however small: there the last leg
+    /// turns from that of the chains that still meet it to the straight way on of those that do not.
+    fn may_sweep(&mut self, word: WordId, parent: WordId, lamp: usize, place: &Place) -> bool {
+        if self.words.letters(word).last().is_none_or(|l| l.event != Event::Reflect) {
+            return false;
+        }
+        // What reaches the mirror from four directions far apart says little of what lies between.
+        let turning = place.corners().map(|at| self.words.departure(parent, at).map_or(0.0, turning));
+        if turning.iter().any(|t| t * place.size() > TRUSTED_TURN) {
+            return true;
+        }
+        let Some((beam, bulge)) = Beam::past_limb(&mut self.words, word, parent, place.cell) else {
+            return false;
+        };
+        let (scene, tracer) = (self.words.scene(), self.words.tracer());
+        beam.may_meet_shape(scene, tracer, self.lamps[lamp].shape, bulge)
     }
 
     /// Whether a lamp of which no edge function tells may be seen between the corners of a cell. Where all of them
@@ -146,6 +169,11 @@ impl Quadrature<'_, '_> {
         let surface = &self.words.scene().shape(shape).surface;
         matches!(surface, Surface::Rectangle(_) | Surface::Disk(_) | Surface::Mesh(_))
     }
+}
+
+/// How fast the last leg of a chain turns [rad] per unit of (a, b).
+fn turning(departure: &Departure) -> f64 {
+    departure.ray.d.a.norm() + departure.ray.d.b.norm()
 }
 
 /// How far the last legs of a cell's chains may leave the hull of those at its corners on the way to a surface [m]:

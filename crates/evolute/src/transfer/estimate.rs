@@ -25,6 +25,9 @@ pub const GUESSED_LEVELS: u32 = 3;
 /// the tolerance: the error that its samples show is enough to go by.
 const MATTERS_SHARE: f64 = 0.02;
 
+/// Share of a cell's worth, lit all over, that is rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// Where a cell is.
 pub struct Place {
     /// Index of the term.
@@ -199,7 +202,16 @@ impl Quadrature<'_, '_> {
             let whole = interpolant.light.luminance(integral).abs().max(error);
             return Ok(Estimate { error: HIDDEN_SHARE * whole, ..Estimate::DARK });
         }
-        self.with_sights(place, interpolant, (sights, middle, hidden, torn), tolerance)
+        let missing = corners.iter().any(Option::is_none);
+        let nothing = ROUNDING * interpolant.most();
+        let sights = (sights, middle, hidden, torn);
+        let estimate = self.with_sights(place, interpolant, sights, tolerance)?;
+        let worth = estimate.integral.luminance().abs() + estimate.error;
+        if missing && !guessed && worth <= nothing && !estimate.divide {
+            // The polynomials, extrapolated, leave nothing of the lamp in the cell.
+            return Err(Darkness::NoLight);
+        }
+        Ok(estimate)
     }
 
     /// Whether criterion 1 divides a cell, by the first legs at its corners, whether or not chains go on from

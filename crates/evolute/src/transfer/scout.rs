@@ -21,9 +21,11 @@ use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3, Vector3};
 use crate::optics::Dual;
 use crate::scene::{Scene, ShapeId};
-use crate::surface::{Parametric, Surface};
+use crate::surface::{LocalGeometry, Parametric, Surface};
 use crate::trace::Tracer;
 
+/// How far the arc of a body is from its chord, as a share of that, up to a right angle.
+const LIMB_SAGITTA: f64 = 0.2;
 /// Divisions of the first grid's cells in search of letters.
 const SCOUTED_LEVELS: u32 = 4;
 
@@ -126,6 +128,42 @@ impl Beam {
         (!beam.starts.is_empty()).then_some(beam)
     }
 
+    /// The beam of a word's chains in a cell in which its last surface ends, where chains that miss that run
+    /// straight on; `None` if no corner's chain is legal. With how far from the hull of the corners' legs those between
+    /// may run [m].
+    pub fn past_limb(
+        words: &mut Words<'_>,
+        word: WordId,
+        parent: WordId,
+        cell: Square,
+    ) -> Option<(Self, f64)> {
+        let mut beam = Self::of(words, word, cell, false)?;
+        let legal = beam.starts.len() as f64;
+        let met = Point3::from(beam.starts.iter().map(|p| p.coords).sum::<Vector3>() / legal);
+        (beam.starts, beam.directions) = (ArrayVec::new(), ArrayVec::new());
+        beam.ends.clear();
+        let mut bulge = 0f64;
+        for at in cell.corners() {
+            let before = words.departure(parent, at).map(|d| (d.anchor.point.x, d.ray.d.v.normalize()));
+            let leg = words.departure(word, at).map(|d| (d.anchor, d.ray.d.v.normalize()));
+            let (start, d) = match (leg, before) {
+                (Some((anchor, d)), Some((_, from))) => {
+                    let surface = &words.scene().shape(anchor.shape).surface;
+                    // The surface bulges from the chord to where it is grazed.
+                    let depth = surface.local(&anchor.point).map_or(0.0, |l| depth_of_limb(&l, &from));
+                    bulge = bulge.max(LIMB_SAGITTA * depth.min(surface.bounds().diagonal()));
+                    (anchor.point.x, d)
+                }
+                (None, Some((o, d))) => (o + d * (met - o).norm(), d),
+                _ => continue,
+            };
+            beam.starts.push(start);
+            beam.directions.push(d);
+            beam.ends.push(start);
+        }
+        Some((beam, bulge))
+    }
+
     fn add(&mut self, departure: &Departure, reach: f64) {
         let (o, d) = (departure.anchor.point.x, departure.ray.d.v);
         self.starts.push(o);
@@ -151,7 +189,8 @@ impl Beam {
         let bounds = scene.shape(shape).surface.bounds();
         let (centre, radius) = (bounds.centre(), 0.5 * bounds.diagonal());
         for ((end, start), d) in self.ends.iter_mut().zip(&self.starts).zip(&self.directions) {
-            *end = start + d * ((centre - start).norm() + radius);
+            // Twice as far as need be, for what lies between two legs that turn much is nearer.
+            *end = start + d * (2.0 * ((centre - start).norm() + radius));
         }
         self.may_meet_any(scene, tracer, bulge, |met| met.0 == shape)
     }
@@ -206,6 +245,16 @@ impl Beam {
             },
         )
     }
+}
+
+/// How far beyond a hit a surface is grazed by rays of nearly the same direction [m]; zero where it does not curve
+/// away.
+fn depth_of_limb(local: &LocalGeometry, d: &Vector3) -> f64 {
+    let n = if local.ng.dot(d) > 0.0 { -local.ng.into_inner() } else { local.ng.into_inner() };
+    let along = d - n * n.dot(d);
+    let Some(along) = along.try_normalize(0.0) else { return 0.0 };
+    let turned = (local.dn_dx * along).dot(&along) * n.dot(&local.n);
+    if turned > 0.0 { n.dot(d).abs() / turned } else { 0.0 }
 }
 
 impl Beam {
