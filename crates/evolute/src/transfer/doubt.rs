@@ -24,6 +24,8 @@ const AREA_MARGIN: f64 = 1.5;
 /// Share of a dark cell's worth, lit all over, that counts as its error while no proof speaks for the
 /// darkness between its corners.
 const DOUBT_SHARE: f64 = 0.1;
+/// The same where what reaches the last mirror turns so fast that no proof is tried: of many such cells few hold light.
+const TURNED_SHARE: f64 = 0.001;
 /// Divisions of the first grid down to which a lamp that no edge function tells of is looked for beside its samples.
 const UNOUTLINED_LEVELS: u32 = 6;
 /// Of chains that turn by more than this over a cell [rad], those that exist say nothing of others.
@@ -68,8 +70,14 @@ impl Quadrature<'_, '_> {
         if torn && (early || self.words.is_guessed(word)) && !self.is_total(word, place) {
             return Some(DOUBT_SHARE * self.undivided(place));
         }
-        if missing && is_real && self.may_sweep(word, parent, lamp, place) {
-            return Some(DOUBT_SHARE * self.undivided(place));
+        if missing && is_real {
+            let share = self.swept_share(word, parent, lamp, place);
+            if share > 0.0 {
+                // No more of a cell than of the domain.
+                let whole = place.size() * place.size();
+                let area = (AREA_MARGIN * self.words.area(word)).min(whole);
+                return Some(share * self.undivided(place) * area / whole);
+            }
         }
         if is_real {
             return None;
@@ -85,28 +93,52 @@ impl Quadrature<'_, '_> {
         }
         // Bodies with many faces have many borders, and a wave meets itself beyond its own.
         let beyond = !again && !self.is_plane(before.shape);
-        let beam = Beam::of(&mut self.words, parent, place.cell, beyond)?;
+        let Some(beam) = Beam::of(&mut self.words, parent, place.cell, beyond) else {
+            return early.then(|| self.worth_before(parent, lamp, place)).filter(|worth| *worth > 0.0);
+        };
         let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
-        beam.may_meet(self.words.scene(), self.words.tracer(), letter)
-            .then_some(DOUBT_SHARE * whole)
+        if beam.may_meet(self.words.scene(), self.words.tracer(), letter) {
+            return Some(DOUBT_SHARE * whole);
+        }
+        // Between directions that are far apart chains may go anywhere.
+        (early && self.is_turned(parent, place)).then_some(TURNED_SHARE * whole)
     }
 
-    /// Whether a lamp may be seen in the limb of a mirror that ends in a cell, however small: there the last leg
-    /// turns from that of the chains that still meet it to the straight way on of those that do not.
-    fn may_sweep(&mut self, word: WordId, parent: WordId, lamp: usize, place: &Place) -> bool {
-        if self.words.letters(word).last().is_none_or(|l| l.event != Event::Reflect) {
-            return false;
-        }
-        // What reaches the mirror from four directions far apart says little of what lies between.
-        let turning = place.corners().map(|at| self.words.departure(parent, at).map_or(0.0, turning));
-        if turning.iter().any(|t| t * place.size() > TRUSTED_TURN) {
-            return true;
-        }
-        let Some((beam, bulge)) = Beam::past_limb(&mut self.words, word, parent, place.cell) else {
-            return false;
+    /// Whether the chains of a word turn so fast in a cell that those at its corners say little of what lies between.
+    fn is_turned(&mut self, word: WordId, place: &Place) -> bool {
+        place.corners().into_iter().any(|at| {
+            let turning = self.words.departure(word, at).map_or(0.0, turning);
+            turning * place.size() > TRUSTED_TURN
+        })
+    }
+
+    /// What a word may be worth in a cell of which no corner shows chains of the word before, by those that are
+    /// known from inside: they come from an island, and may go on to the last letter between them.
+    fn worth_before(&mut self, parent: WordId, lamp: usize, place: &Place) -> f64 {
+        let known = self.words.legal_in(parent, place.cell);
+        let worth = |at: GridPoint| {
+            let departure = self.words.departure(parent, at);
+            departure.map_or(0.0, |d| d.weight.v.abs() * d.lossless_throughput())
         };
+        let most = known.into_iter().map(worth).fold(0.0, f64::max);
+        let whole = (place.size() * place.size()).min(AREA_MARGIN * self.words.area(parent));
+        DOUBT_SHARE * most * whole * self.lamps[lamp].radiance.luminance()
+    }
+
+    /// Which share of a cell in which a mirror's limb lies, however small the cell, may show a lamp: there the last
+    /// leg turns from that of the chains that still meet the mirror to the straight way on of those that do not.
+    fn swept_share(&mut self, word: WordId, parent: WordId, lamp: usize, place: &Place) -> f64 {
+        if self.words.letters(word).last().is_none_or(|l| l.event != Event::Reflect) {
+            return 0.0;
+        }
+        if self.is_turned(parent, place) {
+            return TURNED_SHARE;
+        }
+        let beam = Beam::past_limb(&mut self.words, word, parent, place.cell);
         let (scene, tracer) = (self.words.scene(), self.words.tracer());
-        beam.may_meet_shape(scene, tracer, self.lamps[lamp].shape, bulge)
+        let shape = self.lamps[lamp].shape;
+        let meets = beam.is_some_and(|(beam, bulge)| beam.may_meet_shape(scene, tracer, shape, bulge));
+        if meets { DOUBT_SHARE } else { 0.0 }
     }
 
     /// Whether a lamp of which no edge function tells may be seen between the corners of a cell. Where all of them
@@ -150,15 +182,15 @@ impl Quadrature<'_, '_> {
             |of: &[&FieldSample]| of.iter().fold(0f64, |m, s| m.max(s.weight[0].v.abs()));
         let whole = place.size() * place.size();
         let most_area = AREA_MARGIN * self.words.area(word);
-        // That a few chains all go on says little of the others in a large cell whose corners say nothing: from a
-        // plane mirror's corners chains may run away from the next one. On curved surfaces such cells abound.
-        let bare = self.is_plane(self.words.letter(word).shape)
-            && corners.iter().all(|k| self.samples[*k].is_none());
-        if ending.is_empty() && bare && place.cell.level < FIRST_LEVEL + GUESSED_LEVELS {
-            return DOUBT_SHARE * brightest(&known) * whole.min(most_area) * luminance;
-        }
-        if misses(&ending, place.size()) {
-            return 0.0;
+        // Where a few chains from inside go says little of the others in a large cell whose corners say nothing.
+        let bare = corners.iter().all(|k| self.samples[*k].is_none())
+            && place.cell.level < FIRST_LEVEL + GUESSED_LEVELS;
+        if ending.is_empty() || misses(&ending, place.size()) {
+            return if bare {
+                DOUBT_SHARE * brightest(&known) * whole.min(most_area) * luminance
+            } else {
+                0.0
+            };
         }
         // Of the cell, as much as of the chains that are known; of the domain, as much as it seemed.
         let met = ending.len() as f64;

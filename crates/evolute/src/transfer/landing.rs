@@ -5,6 +5,7 @@
 //! such a cell are the chains that other cells, other lamps and bisections traced there. One of them
 //! that went where the cell says nothing goes contradicts it.
 
+use std::ops::Bound::{Excluded, Unbounded};
 use std::collections::{BTreeSet, HashMap};
 
 use super::grid::{GRID_BITS, GridHasher, GridPoint};
@@ -122,6 +123,20 @@ impl Landings {
         self.met.range((target, from)..(target, to)).map(|(_, code)| point(*code))
     }
 
+    /// Up to `count` points of a cell from which legal chains went wherever they went.
+    pub fn legal_in(&self, cell: Square, count: usize) -> Vec<GridPoint> {
+        let from = along_curve(cell.corner());
+        let to = from + (1u64 << (2 * (GRID_BITS - cell.level)));
+        let mut points: Vec<GridPoint> = self.nothing.range(from..to).map(|c| point(*c)).take(count).collect();
+        let mut next = self.met.first().map(|(target, _)| *target);
+        while let Some(target) = next.filter(|_| points.len() < count) {
+            points.extend(self.inside(target, cell).take(count - points.len()));
+            let after = (Excluded((target, u64::MAX)), Unbounded);
+            next = self.met.range(after).next().map(|(target, _)| *target);
+        }
+        points
+    }
+
     /// A point from which the target was met, of the two next to `at` along the curve the nearer.
     pub fn near(&self, target: Target, at: GridPoint) -> Option<GridPoint> {
         let code = along_curve(at);
@@ -150,6 +165,23 @@ impl Landings {
         }
         let cells = f64::from(1u32 << level).powi(2);
         (regular / cells, f64::from(all) / (self.met.len() + self.nothing.len()).max(1) as f64)
+    }
+
+    /// Of how much of the domain points of finer grids stand for that met the target: the most that any level says,
+    /// of whose points only some were asked.
+    pub fn fine_share(&self, target: Target, level: u32) -> f64 {
+        const LEVELS: usize = 8;
+        let mut counts = [0.0; LEVELS];
+        for at in self.of(target) {
+            let own = GRID_BITS - (at.i | at.j).trailing_zeros().min(GRID_BITS);
+            for (k, count) in counts.iter_mut().enumerate() {
+                if own <= level + 1 + k as u32 {
+                    *count += 1.0;
+                }
+            }
+        }
+        let share = |(k, count): (usize, &f64)| count / f64::from(1u32 << (level + 1 + k as u32)).powi(2);
+        counts.iter().enumerate().map(share).fold(0.0, f64::max)
     }
 
     fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + Clone + '_ {

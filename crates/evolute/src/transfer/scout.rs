@@ -10,7 +10,7 @@ use std::cell::OnceCell;
 
 use arrayvec::ArrayVec;
 
-use super::chain::Departure;
+use super::chain::{Departure, Event};
 use super::extension::facet;
 use super::grid::GridPoint;
 use super::interpolant::is_dark;
@@ -41,7 +41,9 @@ pub fn scout(words: &mut Words<'_>, word: WordId, first: u32, for_letters: bool)
 fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_letters: bool) {
     let divide = cell.level < last
         && match Beam::of(words, word, cell, true) {
-            Some(beam) => for_letters && beam.may_meet_more(words, word),
+            Some(beam) => {
+                for_letters && (beam.may_meet_more(words, word, 0.0) || may_turn_to_more(words, word, cell))
+            }
             None => may_be_legal(words, word, cell),
         };
     if divide {
@@ -51,6 +53,24 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_
     } else {
         words.set_scouted(word, cell);
     }
+}
+
+/// Whether chains of a word that end at the limb of its last mirror in a cell may meet a specular surface there that no
+/// chain of the word is known to meet.
+fn may_turn_to_more(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
+    let Some(parent) = words.parent(word) else { return false };
+    if words.event(word) != Event::Reflect
+        || cell.corners().iter().all(|at| words.departure(word, *at).is_some())
+    {
+        return false;
+    }
+    let reach = 2.0 * words.tracer().bounds().diagonal();
+    Beam::past_limb(words, word, parent, cell).is_some_and(|(mut beam, bulge)| {
+        for ((end, start), d) in beam.ends.iter_mut().zip(&beam.starts).zip(&beam.directions) {
+            *end = start + d * reach;
+        }
+        beam.may_meet_more(words, word, bulge)
+    })
 }
 
 /// Whether legal chains of a word may be in a cell that has none at its corners: no border of the chain says
@@ -197,9 +217,9 @@ impl Beam {
 
     /// Whether a specular surface may be met that no chain of the word is known to meet. For the letters
     /// that are known, cells are not held dark instead.
-    fn may_meet_more(&self, words: &Words<'_>, word: WordId) -> bool {
+    fn may_meet_more(&self, words: &Words<'_>, word: WordId, bulge: f64) -> bool {
         let scene = words.scene();
-        self.may_meet_any(scene, words.tracer(), 0.0, |met| {
+        self.may_meet_any(scene, words.tracer(), bulge, |met| {
             scene.shape(met.0).material.is_specular()
                 && !self.known.contains(&met)
                 && !words.has_met(word, met)

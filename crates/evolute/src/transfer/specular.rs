@@ -7,6 +7,7 @@ use super::domain::Domain;
 use super::fan::Fan;
 use super::field::DirectField;
 use super::grid::GridPoint;
+use super::lamp::Lamp;
 use super::left::{Left, LeftWord, MAX_CHAINS, is_full};
 use super::look::{grid, look};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
@@ -317,7 +318,9 @@ impl<'s> Transfer<'s> {
                     self.leave_through(quadrature, word, left);
                     break;
                 }
-                if !self.shut_in(&quadrature.words, word, self.lamps[lamp].shape) {
+                let shut = self.shut_in(&quadrature.words, word, self.lamps[lamp].shape)
+                    || self.is_left_behind(&quadrature.words, word, &self.lamps[lamp]);
+                if !shut {
                     quadrature.add(Term::Through(word, lamp), first, allowed);
                 }
             }
@@ -390,6 +393,13 @@ impl Transfer<'_> {
             !shape.material.is_specular() || is_plane(&shape.surface)
         };
         words.window(word).is_some() && (0..self.scene.shapes.len() as u32).all(found)
+    }
+
+    /// Whether the last leg of a word leaves the very lamp, which is flat or a ball that shines outwards: none of
+    /// these sees its own front.
+    fn is_left_behind(&self, words: &Words<'_>, word: WordId, lamp: &Lamp) -> bool {
+        let last = words.letter(word);
+        lamp.has_outline() && last.shape == lamp.shape && last.primitive == lamp.primitive
     }
 
     /// Whether the last leg of a word runs inside a sphere that the lamp lies outside of.

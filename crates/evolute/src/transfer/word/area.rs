@@ -65,7 +65,8 @@ impl Words<'_> {
             // An island between the grid's points is no larger than one point's share.
             let cells = f64::from(1u32 << parent.first_level).powi(2);
             let least = share * parent.area.min(1.0 / cells);
-            self.scouted_area(id, letter).max(least)
+            let fine = parent.landings.fine_share(letter, parent.first_level);
+            self.scouted_area(id, letter).max(least).max(fine)
         });
         self.words[word.0 as usize].area = area;
         area

@@ -27,15 +27,14 @@ impl Words<'_> {
         !self.words[word.0 as usize].discovered.is_empty()
     }
 
-    /// Whether chains of the word were seen to meet a surface (or a facet of it) on every side on which it is
+    /// Whether legal chains of the word were seen to meet a surface (or a facet of it) on every side on which it is
     /// specular; a ball shows but one to either medium.
     pub fn has_met(&self, word: WordId, (shape, primitive): (ShapeId, Option<u32>)) -> bool {
-        let w = &self.words[word.0 as usize];
+        let landings = &self.words[word.0 as usize].landings;
         let target = self.scene.shape(shape);
-        let followed = w.children.iter().map(|child| &self.words[child.0 as usize].step);
         let met = |front: bool| {
-            let mut steps = w.discovered.iter().chain(followed.clone());
-            steps.any(|s| (s.shape, s.primitive, s.front) == (shape, primitive, front))
+            let letter = Target { shape, primitive, front, lamp: false };
+            landings.near(letter, GridPoint { i: 0, j: 0 }).is_some()
         };
         match &target.surface {
             Surface::Sphere(_) => met(true) || met(false),
@@ -73,6 +72,12 @@ impl Words<'_> {
             points.extend(landings.from(self.letter(word), cell, FEW));
         }
         points
+    }
+
+    /// A few points of the cell from which legal chains of the word are known.
+    pub fn legal_in(&self, word: WordId, cell: Square) -> Vec<GridPoint> {
+        const FEW: usize = 4;
+        self.words[word.0 as usize].landings.legal_in(cell, FEW)
     }
 
     /// Whether a legal chain of the word was seen to reach a lamp from inside the cell.

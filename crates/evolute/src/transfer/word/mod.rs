@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Departure, Step, events};
+use super::chain::{Departure, Event, Step, events};
 use super::domain::{Domain, FirstPoint};
 use super::grid::{GridHasher, GridPoint};
 use super::landing::{Landings, Square, Target};
@@ -385,6 +385,11 @@ impl<'s> Words<'s> {
     /// Where the last letter of a word is.
     pub fn letter(&self, word: WordId) -> Target {
         self.words[word.0 as usize].step.target()
+    }
+
+    /// What happens at its last letter.
+    pub fn event(&self, word: WordId) -> Event {
+        self.words[word.0 as usize].step.event
     }
 
     /// Keeps the level of a word's first grid.
