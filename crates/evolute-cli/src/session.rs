@@ -12,6 +12,9 @@ use crate::failure::Failure;
 use crate::options::Common;
 use crate::summary::Summary;
 
+/// Threads wait for each other; thousands do so for hours.
+const MOST_THREADS: u16 = 256;
+
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Whether the work looks at [`interrupted`] from time to time.
@@ -22,7 +25,7 @@ static WORKING: AtomicBool = AtomicBool::new(false);
 pub fn set_up(common: &Common) -> Result<(), Failure> {
     if let Some(n) = common.threads {
         rayon::ThreadPoolBuilder::new()
-            .num_threads(n.into())
+            .num_threads(n.min(MOST_THREADS).into())
             .build_global()
             .map_err(|e| Failure::Usage(format!("{n} threads cannot be started: {e}")))?;
     }

@@ -26,8 +26,10 @@ const AREA_MARGIN: f64 = 1.5;
 const DOUBT_SHARE: f64 = 0.1;
 /// The same where what reaches the last mirror turns so fast that no proof is tried: of many such cells few hold light.
 const TURNED_SHARE: f64 = 0.001;
-/// Divisions of the first grid down to which a lamp that no edge function tells of is looked for beside its samples.
-const UNOUTLINED_LEVELS: u32 = 6;
+/// A lamp that no edge function tells of is looked for beside the samples of cells that are larger on it than this part
+/// of its size (a square of its area), and, where all samples see its back, larger than the other.
+const LAMP_PIECES: f64 = 40.0;
+const BACK_PIECES: f64 = 8.0;
 /// Of chains that turn by more than this over a cell [rad], those that exist say nothing of others.
 const TRUSTED_TURN: f64 = 0.5;
 
@@ -86,7 +88,7 @@ impl Quadrature<'_, '_> {
         // Boxes around the pieces of a surface close to the start say little, and they reach beyond its border,
         // of which chains on its continuation say where it is.
         let before = self.words.letter(parent);
-        let again = (before.shape, before.primitive) == (letter.shape, letter.primitive);
+        let again = self.is_again(word);
         let continued = numbers.iter().all(|k| self.samples[*k].is_some());
         if (again || continued) && !early {
             return None;
@@ -94,14 +96,16 @@ impl Quadrature<'_, '_> {
         // Bodies with many faces have many borders, and a wave meets itself beyond its own.
         let beyond = !again && !self.is_plane(before.shape);
         let Some(beam) = Beam::of(&mut self.words, parent, place.cell, beyond) else {
-            return early.then(|| self.worth_before(parent, lamp, place)).filter(|worth| *worth > 0.0);
+            return (early && !again)
+                .then(|| self.worth_before(parent, lamp, place))
+                .filter(|worth| *worth > 0.0);
         };
         let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
         if beam.may_meet(self.words.scene(), self.words.tracer(), letter) {
             return Some(DOUBT_SHARE * whole);
         }
         // Between directions that are far apart chains may go anywhere.
-        (early && self.is_turned(parent, place)).then_some(TURNED_SHARE * whole)
+        (early && !again && self.is_turned(parent, place)).then_some(TURNED_SHARE * whole)
     }
 
     /// Whether the chains of a word turn so fast in a cell that those at its corners say little of what lies between.
@@ -137,7 +141,8 @@ impl Quadrature<'_, '_> {
         let beam = Beam::past_limb(&mut self.words, word, parent, place.cell);
         let (scene, tracer) = (self.words.scene(), self.words.tracer());
         let shape = self.lamps[lamp].shape;
-        let meets = beam.is_some_and(|(beam, bulge)| beam.may_meet_shape(scene, tracer, shape, bulge));
+        let meets =
+            beam.is_some_and(|(beam, bulge)| beam.may_meet_shape(scene, tracer, shape, bulge));
         if meets { DOUBT_SHARE } else { 0.0 }
     }
 
@@ -153,14 +158,14 @@ impl Quadrature<'_, '_> {
             let blocker = self.samples[*k].as_ref().and_then(|s| s.blocker);
             blocker.is_some_and(|b| b.shape == lamp.shape)
         };
-        let divisions = place.cell.level.saturating_sub(self.first[place.term]);
-        let most = if numbers.iter().all(back) { GUESSED_LEVELS } else { UNOUTLINED_LEVELS };
-        divisions < most
-            && Beam::of(&mut self.words, word, place.cell, true).is_some_and(|beam| {
-                let (scene, tracer) = (self.words.scene(), self.words.tracer());
-                let bulge = bulge(&mut self.words, word, place, &scene.shape(lamp.shape).surface);
-                beam.may_meet_shape(scene, tracer, lamp.shape, bulge)
-            })
+        let pieces = if numbers.iter().all(back) { BACK_PIECES } else { LAMP_PIECES };
+        let Some(beam) = Beam::of(&mut self.words, word, place.cell, true) else { return false };
+        let (scene, tracer) = (self.words.scene(), self.words.tracer());
+        let surface = &scene.shape(lamp.shape).surface;
+        beam.spread_at(&surface.bounds().centre()) * pieces > surface.area().sqrt() && {
+            let bulge = bulge(&mut self.words, word, place, surface);
+            beam.may_meet_shape(scene, tracer, lamp.shape, bulge)
+        }
     }
 
     /// What an island in a cell could be worth if it were lit all over [W/m²], by the chains that are
@@ -183,7 +188,9 @@ impl Quadrature<'_, '_> {
         let whole = place.size() * place.size();
         let most_area = AREA_MARGIN * self.words.area(word);
         // Where a few chains from inside go says little of the others in a large cell whose corners say nothing.
-        let bare = corners.iter().all(|k| self.samples[*k].is_none())
+        // (A wave that meets itself has many such cells, and little in them.)
+        let bare = !self.is_again(word)
+            && corners.iter().all(|k| self.samples[*k].is_none())
             && place.cell.level < FIRST_LEVEL + GUESSED_LEVELS;
         if ending.is_empty() || misses(&ending, place.size()) {
             return if bare {
@@ -195,6 +202,12 @@ impl Quadrature<'_, '_> {
         // Of the cell, as much as of the chains that are known; of the domain, as much as it seemed.
         let met = ending.len() as f64;
         brightest(&ending) * (whole * met / (met + 5.0)).min(most_area) * luminance
+    }
+
+    /// Whether a word ends on the surface that it comes from.
+    fn is_again(&self, word: WordId) -> bool {
+        let piece = |w: WordId| (self.words.letter(w).shape, self.words.letter(w).primitive);
+        self.words.parent(word).is_some_and(|parent| piece(parent) == piece(word))
     }
 
     fn is_plane(&self, shape: ShapeId) -> bool {

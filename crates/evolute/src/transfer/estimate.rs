@@ -193,7 +193,7 @@ impl Quadrature<'_, '_> {
             // Between two walls that touch a lamp that is seen directly is hidden as far as samples tell.
             let deep =
                 matches!(self.terms[term], Term::Direct(..)) && level >= first + HIDDEN_LEVELS;
-            let hidden = deep || self.hide_all(&blockers, level < first + 2);
+            let hidden = deep || self.hide_all(&blockers, level < first + 3);
             if !matters || (!doubtful && hidden) {
                 return Err(Darkness::NoLight);
             }

@@ -5,8 +5,8 @@
 //! such a cell are the chains that other cells, other lamps and bisections traced there. One of them
 //! that went where the cell says nothing goes contradicts it.
 
-use std::ops::Bound::{Excluded, Unbounded};
 use std::collections::{BTreeSet, HashMap};
+use std::ops::Bound::{Excluded, Unbounded};
 
 use super::grid::{GRID_BITS, GridHasher, GridPoint};
 use super::quadrature::LAST_LEVEL;
@@ -127,7 +127,8 @@ impl Landings {
     pub fn legal_in(&self, cell: Square, count: usize) -> Vec<GridPoint> {
         let from = along_curve(cell.corner());
         let to = from + (1u64 << (2 * (GRID_BITS - cell.level)));
-        let mut points: Vec<GridPoint> = self.nothing.range(from..to).map(|c| point(*c)).take(count).collect();
+        let mut points: Vec<GridPoint> =
+            self.nothing.range(from..to).map(|c| point(*c)).take(count).collect();
         let mut next = self.met.first().map(|(target, _)| *target);
         while let Some(target) = next.filter(|_| points.len() < count) {
             points.extend(self.inside(target, cell).take(count - points.len()));
@@ -180,7 +181,8 @@ impl Landings {
                 }
             }
         }
-        let share = |(k, count): (usize, &f64)| count / f64::from(1u32 << (level + 1 + k as u32)).powi(2);
+        let share =
+            |(k, count): (usize, &f64)| count / f64::from(1u32 << (level + 1 + k as u32)).powi(2);
         counts.iter().enumerate().map(share).fold(0.0, f64::max)
     }
 

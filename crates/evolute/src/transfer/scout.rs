@@ -42,7 +42,8 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_
     let divide = cell.level < last
         && match Beam::of(words, word, cell, true) {
             Some(beam) => {
-                for_letters && (beam.may_meet_more(words, word, 0.0) || may_turn_to_more(words, word, cell))
+                for_letters
+                    && (beam.may_meet_more(words, word, 0.0) || may_turn_to_more(words, word, cell))
             }
             None => may_be_legal(words, word, cell),
         };
@@ -164,13 +165,15 @@ impl Beam {
         beam.ends.clear();
         let mut bulge = 0f64;
         for at in cell.corners() {
-            let before = words.departure(parent, at).map(|d| (d.anchor.point.x, d.ray.d.v.normalize()));
+            let before =
+                words.departure(parent, at).map(|d| (d.anchor.point.x, d.ray.d.v.normalize()));
             let leg = words.departure(word, at).map(|d| (d.anchor, d.ray.d.v.normalize()));
             let (start, d) = match (leg, before) {
                 (Some((anchor, d)), Some((_, from))) => {
                     let surface = &words.scene().shape(anchor.shape).surface;
                     // The surface bulges from the chord to where it is grazed.
-                    let depth = surface.local(&anchor.point).map_or(0.0, |l| depth_of_limb(&l, &from));
+                    let depth =
+                        surface.local(&anchor.point).map_or(0.0, |l| depth_of_limb(&l, &from));
                     bulge = bulge.max(LIMB_SAGITTA * depth.min(surface.bounds().diagonal()));
                     (anchor.point.x, d)
                 }
@@ -195,6 +198,12 @@ impl Beam {
     /// Whether a surface may be met as the last letter of a word that follows.
     pub fn may_meet(&self, scene: &Scene, tracer: &Tracer<'_>, letter: Target) -> bool {
         self.may_meet_any(scene, tracer, 0.0, |met| met == (letter.shape, letter.primitive))
+    }
+
+    /// How far apart the corners' legs are as far away as a point is [m].
+    pub fn spread_at(&self, x: &Point3) -> f64 {
+        let legs = self.starts.iter().zip(&self.directions);
+        Aabb::around(legs.map(|(start, d)| start + d * (x - start).norm())).diagonal()
     }
 
     /// Whether any of a shape may be met, whatever stands before it, by legs that stay within a distance [m] of the

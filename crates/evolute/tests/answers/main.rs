@@ -15,6 +15,7 @@ mod consistency;
 mod criteria;
 mod direct;
 mod known;
+mod lamps;
 mod maps;
 mod pipe;
 mod polygon;

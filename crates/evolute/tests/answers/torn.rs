@@ -130,6 +130,12 @@ fn balls() {
     compare("balls");
 }
 
+/// What three mirror balls show of each other near their limbs, of which no point of a first grid tells.
+#[test]
+fn limb() {
+    compare("limb");
+}
+
 /// Under water all light comes through a cone: how large the surface is beyond it must not matter.
 #[test]
 fn pool() {

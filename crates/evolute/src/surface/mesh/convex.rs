@@ -66,6 +66,7 @@ fn is_quadrilateral(p: &[Point3; 3], q: &[Point3; 3]) -> bool {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::geometry::Transform;
