@@ -28,6 +28,7 @@ mod scout;
 mod settings;
 mod shadow;
 mod shaft;
+mod spared;
 mod specular;
 mod unseen;
 mod window;

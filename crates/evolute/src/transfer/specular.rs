@@ -1,13 +1,12 @@
 //! One receiver's light: terms in order of depth, then the queue over all their cells.
 
 use super::Transfer;
-use super::chain::{Departure, Event};
+use super::chain::Departure;
 use super::diffuse::{lambert, polygons};
 use super::domain::Domain;
 use super::fan::Fan;
 use super::field::DirectField;
 use super::grid::GridPoint;
-use super::lamp::Lamp;
 use super::left::{Left, LeftWord, MAX_CHAINS, is_full};
 use super::look::{grid, look};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
@@ -15,11 +14,10 @@ use super::scout::scout;
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
 use super::shaft::suspects;
 use super::unseen::{Brake, Unseen};
-use super::window::{is_plane, look_through};
+use super::window::look_through;
 use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
-use crate::surface::Surface;
 
 /// Share of the tolerance that a word may be worth to be left out; what is left out is added to the
 /// error.
@@ -383,31 +381,4 @@ fn possible(irradiance: Rgb, most: f64) -> Rgb {
     let positive = irradiance.map(|v| v.max(0.0));
     let luminance = positive.luminance();
     if luminance > most { positive * (most / luminance) } else { positive }
-}
-
-impl Transfer<'_> {
-    /// Whether a word has a window, and all that it may show is known without a search.
-    fn shows_all(&self, words: &Words<'_>, word: WordId) -> bool {
-        let found = |k: u32| {
-            let shape = self.scene.shape(ShapeId(k));
-            !shape.material.is_specular() || is_plane(&shape.surface)
-        };
-        words.window(word).is_some() && (0..self.scene.shapes.len() as u32).all(found)
-    }
-
-    /// Whether the last leg of a word leaves the very lamp, which is flat or a ball that shines outwards: none of
-    /// these sees its own front.
-    fn is_left_behind(&self, words: &Words<'_>, word: WordId, lamp: &Lamp) -> bool {
-        let last = words.letter(word);
-        lamp.has_outline() && last.shape == lamp.shape && last.primitive == lamp.primitive
-    }
-
-    /// Whether the last leg of a word runs inside a sphere that the lamp lies outside of.
-    fn shut_in(&self, words: &Words<'_>, word: WordId, lamp: ShapeId) -> bool {
-        let Some(last) = words.letters(word).last().copied() else { return false };
-        let Surface::Sphere(sphere) = &self.scene.shape(last.shape).surface else { return false };
-        let outside = last.front == sphere.faces_outward();
-        let inward = outside == (last.event == Event::Transmit);
-        inward && !sphere.bounds().overlaps(&self.scene.shape(lamp).surface.bounds())
-    }
 }
