@@ -22,9 +22,19 @@ pub enum Border {
 /// Halvings of a side: the crossing is then known to 1/256 of it, below a parabola's own error.
 const BISECTIONS: u32 = 8;
 
+/// How far beside a border, in lengths of its chord, it is held against further samples.
+const BESIDE: f64 = 0.1;
+
 /// The border in a cell whose corners (0,0), (1,0), (0,1), (1,1) and centre are seen or not, by
 /// asking `seen` at further points of the cell.
-pub fn border(corners: [bool; 4], centre: bool, mut seen: impl FnMut(f64, f64) -> bool) -> Border {
+///
+/// If it is `watched`, it is held against further points beside it.
+pub fn border(
+    corners: [bool; 4],
+    centre: bool,
+    watched: bool,
+    mut seen: impl FnMut(f64, f64) -> bool,
+) -> Border {
     let count = corners.iter().filter(|c| **c).count();
     if count == 4 || count == 0 {
         return match (count == 4, centre) {
@@ -94,16 +104,25 @@ pub fn border(corners: [bool; 4], centre: bool, mut seen: impl FnMut(f64, f64) -
     } else {
         return Border::Tangled;
     };
+    let bow = |along: f64| 4.0 * sagitta * along * (1.0 - along);
+    // Both borders of a strip may leave the cell by the same corner: then one near its ends is not as drawn.
+    let mut is_as_drawn = || {
+        [(0.15, 1.0), (0.15, -1.0), (0.85, 1.0), (0.85, -1.0)].iter().all(|(along, way)| {
+            let off = bow(*along) + way * BESIDE * length;
+            let [a, b] = [0, 1].map(|k| p[k] + along * chord[k] + off * n[k]);
+            let inside = |x: f64| (0.0..=1.0).contains(&x);
+            !inside(a) || !inside(b) || seen(a, b) == (*way > 0.0)
+        })
+    };
+    if watched && !is_as_drawn() {
+        return Border::Tangled;
+    }
     let value = |a: f64, b: f64| {
         let (x, y) = (a - p[0], b - p[1]);
         let height = x * n[0] + y * n[1];
         let along = (x * chord[0] + y * chord[1]) / (length * length);
         let slope = -4.0 * sagitta * (1.0 - 2.0 * along) / (length * length);
-        Dual::new(
-            height - 4.0 * sagitta * along * (1.0 - along),
-            n[0] + slope * chord[0],
-            n[1] + slope * chord[1],
-        )
+        Dual::new(height - bow(along), n[0] + slope * chord[0], n[1] + slope * chord[1])
     };
     let patch = Patch::hermite(
         &[value(0.0, 0.0), value(1.0, 0.0), value(0.0, 1.0), value(1.0, 1.0)],
@@ -153,7 +172,7 @@ mod tests {
                 let (a0, b0) = (i as f64 * h, j as f64 * h);
                 let at = |a: f64, b: f64| seen(a0 + a * h, b0 + b * h);
                 let corners = [at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(1.0, 1.0)];
-                match border(corners, at(0.5, 0.5), at) {
+                match border(corners, at(0.5, 0.5), true, at) {
                     Border::Everything => area += h * h,
                     Border::Cut(p, d) => {
                         let one: Weights = [Patch([1.0; 16])].into_iter().collect();

@@ -80,7 +80,8 @@ impl Quadrature<'_, '_> {
             let seen = |shown: Option<bool>| shown != Some(false);
             let at_centre = seen(self.shows(term, place.at(0.5, 0.5), &hiders));
             let ask = |a: f64, b: f64| seen(self.shows(term, place.at(a, b), &hiders));
-            match border(shown.map(seen), at_centre, ask) {
+            let watched = whole > WATCHED_SHARE * tolerance;
+            match border(shown.map(seen), at_centre, watched, ask) {
                 Border::Nothing if !any(Sight::On) && self.is_behind_one(place) => {
                     return Err(Darkness::NoLight);
                 }
@@ -90,7 +91,6 @@ impl Quadrature<'_, '_> {
                 Border::Cut(patch, doubt) => {
                     integral = interpolant.behind(*patch, tolerance);
                     error = error.min(whole) + (interpolant.most() * doubt).min(whole);
-                    let watched = whole > WATCHED_SHARE * tolerance;
                     if watched && !self.is_as_cut(place, &mut interpolant) {
                         error = whole;
                     } else if watched && (ends_unseen(shown) || self.may_hide_more(place)) {
