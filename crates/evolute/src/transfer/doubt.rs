@@ -101,11 +101,17 @@ impl Quadrature<'_, '_> {
                 .filter(|worth| *worth > 0.0);
         };
         let whole = beam.most * place.size() * place.size() * self.lamps[lamp].radiance.luminance();
-        if beam.may_meet(self.words.scene(), self.words.tracer(), letter) {
+        let (scene, tracer) = (self.words.scene(), self.words.tracer());
+        if beam.may_meet(scene, tracer, letter, 0.0) {
             return Some(DOUBT_SHARE * whole);
         }
-        // Between directions that are far apart chains may go anywhere.
-        (early && !again && self.is_turned(parent, place)).then_some(TURNED_SHARE * whole)
+        if !early || again || !self.is_turned(parent, place) {
+            return None;
+        }
+        // Between directions that are far apart chains may leave the beam, as far as those at the centre show.
+        let bulge = bulge(&mut self.words, parent, place, &scene.shape(letter.shape).surface);
+        let may_meet = bulge.is_none_or(|by| beam.may_meet(scene, tracer, letter, by));
+        may_meet.then_some(TURNED_SHARE * whole)
     }
 
     /// Whether the chains of a word turn so fast in a cell that those at its corners say little of what lies between.
@@ -163,7 +169,7 @@ impl Quadrature<'_, '_> {
         let (scene, tracer) = (self.words.scene(), self.words.tracer());
         let surface = &scene.shape(lamp.shape).surface;
         beam.spread_at(&surface.bounds().centre()) * pieces > surface.area().sqrt() && {
-            let bulge = bulge(&mut self.words, word, place, surface);
+            let bulge = bulge(&mut self.words, word, place, surface).unwrap_or(0.0);
             beam.may_meet_shape(scene, tracer, lamp.shape, bulge)
         }
     }
@@ -222,8 +228,8 @@ fn turning(departure: &Departure) -> f64 {
 }
 
 /// How far the last legs of a cell's chains may leave the hull of those at its corners on the way to a surface [m]:
-/// as far as the centre's is from what they say of it.
-fn bulge(words: &mut Words<'_>, word: WordId, place: &Place, to: &Surface) -> f64 {
+/// as far as the centre's is from what they say of it; `None` where one of them is not known.
+fn bulge(words: &mut Words<'_>, word: WordId, place: &Place, to: &Surface) -> Option<f64> {
     let centre = to.bounds().centre();
     let mut leg = |at: GridPoint| {
         words.departure(word, at).map(|d| {
@@ -233,8 +239,8 @@ fn bulge(words: &mut Words<'_>, word: WordId, place: &Place, to: &Surface) -> f6
     };
     let corners: ArrayVec<(Vector3, Vector3), 4> =
         place.corners().into_iter().filter_map(&mut leg).collect();
-    let (true, Some((x, d))) = (corners.is_full(), leg(place.at(0.5, 0.5))) else { return 0.0 };
+    let (true, (x, d)) = (corners.is_full(), leg(place.at(0.5, 0.5))?) else { return None };
     let mean =
         |of: fn(&(Vector3, Vector3)) -> Vector3| corners.iter().map(of).sum::<Vector3>() / 4.0;
-    (x - mean(|c| c.0)).norm() + (d - mean(|c| c.1)).norm()
+    Some((x - mean(|c| c.0)).norm() + (d - mean(|c| c.1)).norm())
 }

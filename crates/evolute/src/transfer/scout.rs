@@ -195,9 +195,10 @@ impl Beam {
         self.most = self.most.max(departure.weight.v.abs() * departure.lossless_throughput());
     }
 
-    /// Whether a surface may be met as the last letter of a word that follows.
-    pub fn may_meet(&self, scene: &Scene, tracer: &Tracer<'_>, letter: Target) -> bool {
-        self.may_meet_any(scene, tracer, 0.0, |met| met == (letter.shape, letter.primitive))
+    /// Whether a surface may be met as the last letter of a word that follows, by legs that stay within a
+    /// distance [m] of the hull of the corners'.
+    pub fn may_meet(&self, scene: &Scene, tracer: &Tracer<'_>, letter: Target, bulge: f64) -> bool {
+        self.may_meet_any(scene, tracer, bulge, |met| met == (letter.shape, letter.primitive))
     }
 
     /// How far apart the corners' legs are as far away as a point is [m].
