@@ -9,7 +9,7 @@ use super::chain::{Departure, Event};
 use super::estimate::{GUESSED_LEVELS, Place};
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
-use super::interpolant::{Corners, misses};
+use super::interpolant::{Corners, may_rise, misses};
 use super::landing::Darkness;
 use super::quadrature::{FIRST_LEVEL, Quadrature};
 use super::scout::Beam;
@@ -66,11 +66,23 @@ impl Quadrature<'_, '_> {
         let turns = |s: &&FieldSample| s.legal && s.turning * place.size() > TRUSTED_TURN;
         let parent = self.words.parent(word)?;
         let missing = corners.iter().any(Option::is_none);
-        let torn = missing && corners.iter().flatten().any(turns);
         // At the limb of a ball all chains turn fast, however small the cell.
         let early = place.cell.level < FIRST_LEVEL + GUESSED_LEVELS;
+        let mut torn = missing && corners.iter().flatten().any(turns);
+        if missing && early && corners.iter().any(Option::is_some) {
+            let centre = self.sample(place.term, place.at(0.5, 0.5));
+            torn |= self.samples[centre].iter().any(|s| turns(&s));
+        }
         if torn && (early || self.words.is_guessed(word)) && !self.is_total(word, place) {
             return Some(DOUBT_SHARE * self.undivided(place));
+        }
+        if missing && is_real && !self.words.is_guessed(word) && std::env::var_os("OFFH").is_none()
+        {
+            let numbers = place.corners().map(|point| self.sample(place.term, point));
+            let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
+            if may_rise(&corners, place.size()) {
+                return Some(DOUBT_SHARE * self.undivided(place));
+            }
         }
         if missing && is_real {
             let share = self.swept_share(word, parent, lamp, place);

@@ -187,7 +187,10 @@ impl Quadrature<'_, '_> {
         let torn = guessed
             && corners.iter().chain([&centre]).any(|s| s.is_none())
             && corners.iter().chain([&centre]).flatten().any(|s| s.legal);
-        let interpolant = Interpolant::new(&corners, centre, edges, guessed, h, light)?;
+        let ceiling = self.ceiling(place);
+        let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
+        let centre = self.sampled(term, place.at(0.5, 0.5));
+        let interpolant = Interpolant::new(&corners, centre, edges, guessed, h, light, ceiling)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
             let doubtful = torn && level < first + GUESSED_LEVELS;
             // Between two walls that touch a lamp that is seen directly is hidden as far as samples tell.
@@ -212,6 +215,25 @@ impl Quadrature<'_, '_> {
             return Err(Darkness::NoLight);
         }
         Ok(estimate)
+    }
+
+    /// The largest weight in a cell at some of whose corners chains are missing [sr per unit of (a, b)], by the solid
+    /// angles of their first legs, which exist there all the same: what chains there are may be those at the limb of a
+    /// ball, where weights fall to nothing. Nought where none is missing.
+    fn ceiling(&mut self, place: &Place) -> f64 {
+        let Term::Through(word, _) = self.terms[place.term] else { return 0.0 };
+        let corners = place.corners();
+        let numbers = corners.map(|at| self.sample(place.term, at));
+        if numbers.iter().all(|k| self.samples[*k].is_some()) {
+            return 0.0;
+        }
+        let first = self.words.first_letter(word);
+        let (mut throughput, mut angle) = (0f64, 0f64);
+        for at in corners.into_iter().chain([place.at(0.5, 0.5)]) {
+            throughput = self.sampled(place.term, at).map_or(0.0, |s| s.throughput).max(throughput);
+            angle = self.words.departure(first, at).map_or(0.0, |d| d.weight.v.abs()).max(angle);
+        }
+        throughput * angle
     }
 
     /// Whether criterion 1 divides a cell, by the first legs at its corners, whether or not chains go on from
@@ -263,6 +285,7 @@ impl Quadrature<'_, '_> {
         let numbers = place.corners().map(|point| self.sample(place.term, point));
         let weights = numbers.iter().filter_map(|k| self.samples[*k].as_ref());
         let most = weights.flat_map(|s| s.weight.iter()).fold(0f64, |m, w| m.max(w.v.abs()));
+        let most = self.ceiling(place).max(most);
         most * place.size() * place.size() * radiance.luminance()
     }
 }

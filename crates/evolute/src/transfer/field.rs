@@ -55,6 +55,8 @@ pub struct FieldSample {
     pub turning: f64,
     /// Direction of the first leg.
     pub first_direction: Vector3,
+    /// Largest share of radiance that gets through, of all channels.
+    pub throughput: f64,
     /// What the last leg meets.
     pub next: Option<ShapeId>,
 }
@@ -148,6 +150,7 @@ impl<'s> DirectField<'s> {
             direction: first.d.v,
             turning: first.d.a.norm() + first.d.b.norm(),
             first_direction: first.d.v,
+            throughput: 1.0,
             next: Some(self.shape),
         })
     }
@@ -188,6 +191,7 @@ pub fn sample_through(
         direction: departure.ray.d.v,
         turning: departure.ray.d.a.norm() + departure.ray.d.b.norm(),
         first_direction: departure.first_direction,
+        throughput: departure.throughput.iter().fold(0.0, |m, t| m.max(t.v.abs())),
         next: departure.next.map(|h| h.anchor.shape),
     })
 }

@@ -91,7 +91,7 @@ impl Interpolant {
         Ok(edges)
     }
 
-    /// Takes the centre in.
+    /// Takes the centre in; where chains are missing, weights may reach the `ceiling` between the samples.
     ///
     /// # Errors
     ///
@@ -103,6 +103,7 @@ impl Interpolant {
         guessed: bool,
         h: f64,
         light: Light,
+        ceiling: f64,
     ) -> Result<Self, Darkness> {
         let torn = corners.iter().chain([&centre]).any(|s| s.is_none());
         let doubtful = torn && guessed;
@@ -116,7 +117,8 @@ impl Interpolant {
                 let (plane, doubt) = torn_weight(corners, centre, h, |s| s.weight[c] * (h * h));
                 patch = plane;
                 let share = if light.channels == 1 { 1.0 } else { LUMINANCE[c] };
-                weight_residual += share * doubt;
+                let more = (ceiling * h * h - plane.bounds().1).max(0.0);
+                weight_residual += share * (doubt + STEEP_SHARE * more);
             } else if let Some(s) = centre {
                 let (value, slope) = residual(&patch, &(s.weight[c] * (h * h)), h);
                 patch.add_bump(value);
@@ -339,6 +341,22 @@ fn darkness(corners: &Corners<'_>, k: usize) -> Darkness {
 /// slope may double on the way: towards the border where chains cease to exist it often does.
 fn stays_negative(edge: &Dual, reach: f64) -> bool {
     edge.v + 2.0 * reach * (edge.a.abs() + edge.b.abs()) < 0.0
+}
+
+/// Whether no edge function stays negative from the legal corners towards those at which the chain does not exist. At a
+/// limb it goes like a root there: as far again as its slope says, at most.
+pub fn may_rise(corners: &Corners<'_>, h: f64) -> bool {
+    let legal =
+        || corners.iter().zip(OFF_CENTRE).filter_map(|(s, at)| Some((s.filter(|s| s.legal)?, at)));
+    let missing = || corners.iter().zip(OFF_CENTRE).filter(|(s, _)| s.is_none());
+    let count = legal().map(|(s, _)| s.edges.len()).min().unwrap_or(0);
+    !(0..count).any(|k| {
+        legal().all(|(s, [a, b])| {
+            let edge = s.edges[k];
+            missing()
+                .all(|(_, [c, d])| edge.v + 2.0 * h * (edge.a * (c - a) + edge.b * (d - b)) < 0.0)
+        })
+    })
 }
 
 /// Whether one edge function stays negative within `reach` of all of some samples.

@@ -8,6 +8,8 @@
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Bound::{Excluded, Unbounded};
 
+use arrayvec::ArrayVec;
+
 use super::grid::{GRID_BITS, GridHasher, GridPoint};
 use super::quadrature::LAST_LEVEL;
 use crate::scene::ShapeId;
@@ -58,6 +60,12 @@ impl Square {
             i: self.i + di,
             j: self.j + dj,
         })
+    }
+
+    /// Whether a grid point lies in it or on its border.
+    pub fn touches(&self, at: GridPoint) -> bool {
+        let within = |x: u32, from: u32| (from..=from + self.side()).contains(&x);
+        within(at.i, self.i) && within(at.j, self.j)
     }
 
     /// Side on the grid.
@@ -186,7 +194,8 @@ impl Landings {
         counts.iter().enumerate().map(share).fold(0.0, f64::max)
     }
 
-    fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + Clone + '_ {
+    /// From where the target was met.
+    pub fn of(&self, target: Target) -> impl Iterator<Item = GridPoint> + Clone + '_ {
         self.met.range((target, 0)..=(target, u64::MAX)).map(|(_, code)| point(*code))
     }
 }
@@ -222,6 +231,30 @@ impl DarkCells {
         })?;
         self.0.remove(&found.key());
         Some(found)
+    }
+
+    /// Takes out the dark cells on whose upper borders a grid point lies, but in none of their corners: `take` finds
+    /// those that hold it.
+    pub fn take_beside(
+        &mut self,
+        at: GridPoint,
+        first: u32,
+        met_lamp: bool,
+    ) -> ArrayVec<Square, 3> {
+        let mut cells = ArrayVec::new();
+        for (di, dj) in [(1, 0), (0, 1), (1, 1)] {
+            let (Some(i), Some(j)) = (at.i.checked_sub(di), at.j.checked_sub(dj)) else { continue };
+            let below = GridPoint { i, j };
+            let beside = (first..=LAST_LEVEL).map(|level| Square::around(below, level)).find(|c| {
+                let why = self.0.get(&c.key());
+                why.is_some_and(|why| met_lamp || *why == Darkness::NoChain)
+            });
+            if let Some(cell) = beside.filter(|c| c.touches(at) && !c.corners().contains(&at)) {
+                self.0.remove(&cell.key());
+                cells.push(cell);
+            }
+        }
+        cells
     }
 }
 

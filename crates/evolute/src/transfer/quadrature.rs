@@ -10,7 +10,7 @@ use std::collections::{BinaryHeap, HashMap};
 use arrayvec::ArrayVec;
 
 use super::criteria::Criteria;
-use super::estimate::Place;
+use super::estimate::{GUESSED_LEVELS, Place};
 use super::field::{DirectField, FieldSample, sample_through};
 use super::grid::{GridHasher, GridPoint};
 use super::lamp::Lamp;
@@ -296,6 +296,27 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         if let Some(cell) = self.dark[term as usize].take(at, first, target.lamp) {
             self.place(term, cell, tolerance);
         }
+        for cell in self.dark[term as usize].take_beside(at, first, target.lamp) {
+            let last = if target.lamp { LAST_LEVEL } else { first + GUESSED_LEVELS };
+            self.place_beside(term, cell, at, last, tolerance);
+        }
+    }
+
+    /// Divides a cell on whose border a chain is known until that is in a corner of one of its parts.
+    fn place_beside(
+        &mut self,
+        term: u32,
+        square: Square,
+        at: GridPoint,
+        last: u32,
+        tolerance: f64,
+    ) {
+        if square.level >= last || !square.touches(at) || square.corners().contains(&at) {
+            return self.place(term, square, tolerance);
+        }
+        for child in square.children() {
+            self.place_beside(term, child, at, last, tolerance);
+        }
     }
 
     /// Direct and specular parts and the error, leaves added up anew in their order.
@@ -346,6 +367,11 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         self.samples.push(sample);
         self.sampled[term].insert(at.key(), index as u32);
         index
+    }
+
+    /// What is known of the term at a grid point, if it was asked for.
+    pub(super) fn sampled(&self, term: usize, at: GridPoint) -> Option<&FieldSample> {
+        self.sampled[term].get(&at.key()).and_then(|k| self.samples[*k as usize].as_ref())
     }
 
     fn compute(&mut self, term: usize, at: GridPoint) -> Option<FieldSample> {

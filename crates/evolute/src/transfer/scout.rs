@@ -104,7 +104,7 @@ pub struct Beam {
     ends: ArrayVec<Point3, 4>,
     directions: ArrayVec<Vector3, 4>,
     from: Piece,
-    /// What they meet.
+    /// What those meet that carry light.
     known: ArrayVec<Piece, 4>,
     /// The largest irradiance per unit of radiance and of the domain's area that a corner's chain carries
     /// [sr].
@@ -133,7 +133,8 @@ impl Beam {
                 None => illegal.push(at),
                 Some(departure) => {
                     beam.add(departure, reach);
-                    let met = departure.next.map(|hit| hit.anchor);
+                    let met =
+                        departure.next.filter(|_| departure.weight.v > 0.0).map(|hit| hit.anchor);
                     beam.known.extend(met.map(|a| piece(a.shape, a.point.primitive)));
                 }
             }

@@ -34,7 +34,7 @@ const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 /// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
 const MAX_SUSPECTS: usize = 64;
 /// From so many reflections in a row by one side of one surface on, chains whisper along it.
-const WHISPER: usize = 16;
+pub const WHISPER: usize = 16;
 /// From so many reflections on it is asked where the chains leave the surface.
 const FAN_RUN: usize = 4;
 /// Share of the brightest lamp that chains are held to come to of which samples say that they do not.

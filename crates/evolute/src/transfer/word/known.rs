@@ -27,14 +27,19 @@ impl Words<'_> {
         !self.words[word.0 as usize].discovered.is_empty()
     }
 
-    /// Whether legal chains of the word were seen to meet a surface (or a facet of it) on every side on which it is
-    /// specular; a ball shows but one to either medium.
+    /// Whether legal chains of the word that carry light were seen to meet a surface (or a facet of it) on every side on
+    /// which it is specular; a ball shows but one to either medium. (At a ball's limb and at the middle of a disc chains
+    /// carry nothing.)
     pub fn has_met(&self, word: WordId, (shape, primitive): (ShapeId, Option<u32>)) -> bool {
-        let landings = &self.words[word.0 as usize].landings;
+        let node = &self.words[word.0 as usize];
+        let carries = |at: GridPoint| {
+            let known = node.departures.get(&at.key());
+            known.and_then(|d| d.as_deref()).is_some_and(|d| d.weight.v > 0.0)
+        };
         let target = self.scene.shape(shape);
         let met = |front: bool| {
             let letter = Target { shape, primitive, front, lamp: false };
-            landings.near(letter, GridPoint { i: 0, j: 0 }).is_some()
+            node.landings.of(letter).any(carries)
         };
         match &target.surface {
             Surface::Sphere(_) => met(true) || met(false),
