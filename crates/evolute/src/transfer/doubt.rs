@@ -31,7 +31,7 @@ const TURNED_SHARE: f64 = 0.001;
 const LAMP_PIECES: f64 = 40.0;
 const BACK_PIECES: f64 = 8.0;
 /// Of chains that turn by more than this over a cell [rad], those that exist say nothing of others.
-const TRUSTED_TURN: f64 = 0.5;
+pub const TRUSTED_TURN: f64 = 0.5;
 
 impl Quadrature<'_, '_> {
     /// Whether chains at the corners or the centre of a cell meet the word's last letter and are totally
@@ -96,11 +96,14 @@ impl Quadrature<'_, '_> {
         if is_real {
             return None;
         }
-        let letter = self.words.letter(word);
+        // What enters a ball leaves it: where it is met tells of all that happens inside.
+        let entry = self.entry(word);
+        let (entry, parent) = self.words.parent(entry).map_or((word, parent), |p| (entry, p));
+        let letter = self.words.letter(entry);
         // Boxes around the pieces of a surface close to the start say little, and they reach beyond its border,
         // of which chains on its continuation say where it is.
         let before = self.words.letter(parent);
-        let again = self.is_again(word);
+        let again = self.is_again(entry);
         let continued = numbers.iter().all(|k| self.samples[*k].is_some());
         if (again || continued) && !early {
             return None;
@@ -222,6 +225,20 @@ impl Quadrature<'_, '_> {
         brightest(&ending) * (whole * met / (met + 5.0)).min(most_area) * luminance
     }
 
+    /// The word by which chains entered the ball that a word ends at, from inside; else the word itself.
+    fn entry(&self, word: WordId) -> WordId {
+        let letter = self.words.letter(word);
+        let is_ball = matches!(self.words.scene().shape(letter.shape).surface, Surface::Sphere(_));
+        let mut at = word;
+        while let Some(parent) = self.words.parent(at).filter(|p| {
+            let before = self.words.letter(*p);
+            is_ball && before.shape == letter.shape
+        }) {
+            at = parent;
+        }
+        if self.words.event(at) == Event::Transmit { at } else { word }
+    }
+
     /// Whether a word ends on the surface that it comes from.
     fn is_again(&self, word: WordId) -> bool {
         let piece = |w: WordId| (self.words.letter(w).shape, self.words.letter(w).primitive);
@@ -235,7 +252,7 @@ impl Quadrature<'_, '_> {
 }
 
 /// How fast the last leg of a chain turns [rad] per unit of (a, b).
-fn turning(departure: &Departure) -> f64 {
+pub fn turning(departure: &Departure) -> f64 {
     departure.ray.d.a.norm() + departure.ray.d.b.norm()
 }
 

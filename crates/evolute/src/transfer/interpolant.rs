@@ -339,7 +339,7 @@ fn darkness(corners: &Corners<'_>, k: usize) -> Darkness {
 
 /// Whether an edge function that is known at one place stays negative within `reach` of it though its
 /// slope may double on the way: towards the border where chains cease to exist it often does.
-fn stays_negative(edge: &Dual, reach: f64) -> bool {
+pub fn stays_negative(edge: &Dual, reach: f64) -> bool {
     edge.v + 2.0 * reach * (edge.a.abs() + edge.b.abs()) < 0.0
 }
 

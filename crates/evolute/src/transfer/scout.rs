@@ -11,9 +11,10 @@ use std::cell::OnceCell;
 use arrayvec::ArrayVec;
 
 use super::chain::{Departure, Event};
+use super::doubt::{TRUSTED_TURN, turning};
 use super::extension::facet;
 use super::grid::GridPoint;
-use super::interpolant::is_dark;
+use super::interpolant::{is_dark, stays_negative};
 use super::landing::{Square, Target};
 use super::polynomial::Patch;
 use super::shaft::{Body, Shaft, separated};
@@ -43,7 +44,11 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_
         && match Beam::of(words, word, cell, true) {
             Some(beam) => {
                 for_letters
-                    && (beam.may_meet_more(words, word, 0.0) || may_turn_to_more(words, word, cell))
+                    && (beam.may_meet_more(words, word, 0.0)
+                        || may_turn_to_more(words, word, cell)
+                        || !beam.starts.is_full()
+                            && is_turned(words, word, cell)
+                            && is_more(words, word))
             }
             None => may_be_legal(words, word, cell),
         };
@@ -52,8 +57,31 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_
             scout_cell(words, word, child, last, for_letters);
         }
     } else {
+        if for_letters && cell.level == last && is_more(words, word) {
+            // What is met from the corners is all that is learnt here.
+            for at in cell.corners() {
+                words.reached(word, at);
+            }
+        }
         words.set_scouted(word, cell);
     }
+}
+
+/// Whether the chains at some corners of a cell turn so fast that they say little of those where others have none.
+fn is_turned(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
+    cell.corners().iter().any(|at| {
+        words.departure(word, *at).is_some_and(|d| turning(d) * cell.size() > TRUSTED_TURN)
+    })
+}
+
+/// Whether there are other specular surfaces than the word's last that no chain of it is known to meet.
+fn is_more(words: &Words<'_>, word: WordId) -> bool {
+    let (scene, own) = (words.scene(), words.letter(word).shape);
+    let all = (0..scene.shapes.len() as u32).map(ShapeId).filter(|id| *id != own);
+    all.into_iter().any(|id| {
+        scene.shape(id).material.is_specular()
+            && (facet(&scene.shape(id).surface, 0).is_some() || !words.has_met(word, (id, None)))
+    })
 }
 
 /// Whether chains of a word that end at the limb of its last mirror in a cell may meet a specular surface there that no
@@ -88,7 +116,7 @@ fn may_be_legal(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
                 [Some(p), Some(q), Some(r), Some(s)] => {
                     is_dark(&Patch::hermite(&[p, q, r, s], cell.size(), cell.size()), 1)
                 }
-                _ => values.iter().flatten().all(|e| e.v < 0.0),
+                _ => values.iter().flatten().all(|e| stays_negative(e, cell.size())),
             }
         })
 }
@@ -112,8 +140,8 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// The beam of a word's chains in a cell; `None` if none of its corners' is legal. If one is, those
-    /// `beyond` a border may count, too.
+    /// The beam of a word's chains in a cell; `None` if none of its corners' is legal. If one is, those that something
+    /// hides count, too, and those `beyond` a border may.
     pub fn of(words: &mut Words<'_>, word: WordId, cell: Square, beyond: bool) -> Option<Self> {
         let (scene, reach) = (words.scene(), words.tracer().bounds().diagonal());
         let piece = |shape, primitive| (shape, facet(&scene.shape(shape).surface, primitive));
@@ -139,10 +167,13 @@ impl Beam {
                 }
             }
         }
-        // Where some are legal and others are not, legal chains between run towards those beyond the border.
-        if !beam.starts.is_empty() && beyond {
+        // Where some are legal and others are not, legal chains between run towards those beyond the border, and towards
+        // those that something hides.
+        if !beam.starts.is_empty() {
             for at in illegal {
-                if let Some(departure) = words.departure(word, at) {
+                let known = words.departure(word, at);
+                let hidden = |d: &&Departure| d.edges.iter().all(|e| e.v > 0.0);
+                if let Some(departure) = known.filter(|d| beyond || hidden(d)) {
                     beam.add(departure, reach);
                 }
             }
