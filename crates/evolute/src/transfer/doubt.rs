@@ -239,8 +239,9 @@ impl Quadrature<'_, '_> {
         if self.words.event(at) == Event::Transmit { at } else { word }
     }
 
-    /// Whether a word ends on the surface that it comes from.
-    fn is_again(&self, word: WordId) -> bool {
+    /// Whether a word ends on the surface that it comes from, and not because it is inside a ball.
+    pub(super) fn is_again(&self, word: WordId) -> bool {
+        let word = self.entry(word);
         let piece = |w: WordId| (self.words.letter(w).shape, self.words.letter(w).primitive);
         self.words.parent(word).is_some_and(|parent| piece(parent) == piece(word))
     }

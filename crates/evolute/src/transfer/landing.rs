@@ -233,22 +233,15 @@ impl DarkCells {
         Some(found)
     }
 
-    /// Takes out the dark cells on whose upper borders a grid point lies, but in none of their corners: `take` finds
-    /// those that hold it.
-    pub fn take_beside(
-        &mut self,
-        at: GridPoint,
-        first: u32,
-        met_lamp: bool,
-    ) -> ArrayVec<Square, 3> {
+    /// Takes out the cells held to have no chains on whose upper borders a grid point lies, but in none of their corners:
+    /// `take` finds those that hold it.
+    pub fn take_beside(&mut self, at: GridPoint, first: u32) -> ArrayVec<Square, 3> {
         let mut cells = ArrayVec::new();
         for (di, dj) in [(1, 0), (0, 1), (1, 1)] {
             let (Some(i), Some(j)) = (at.i.checked_sub(di), at.j.checked_sub(dj)) else { continue };
             let below = GridPoint { i, j };
-            let beside = (first..=LAST_LEVEL).map(|level| Square::around(below, level)).find(|c| {
-                let why = self.0.get(&c.key());
-                why.is_some_and(|why| met_lamp || *why == Darkness::NoChain)
-            });
+            let mut cells_below = (first..=LAST_LEVEL).map(|level| Square::around(below, level));
+            let beside = cells_below.find(|c| self.0.get(&c.key()) == Some(&Darkness::NoChain));
             if let Some(cell) = beside.filter(|c| c.touches(at) && !c.corners().contains(&at)) {
                 self.0.remove(&cell.key());
                 cells.push(cell);

@@ -288,7 +288,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     }
 
     fn open(&mut self, term: u32, target: Target, at: GridPoint, tolerance: f64) {
-        let Term::Through(_, lamp) = self.terms[term as usize] else { return };
+        let Term::Through(word, lamp) = self.terms[term as usize] else { return };
         if target.lamp && self.lamps[lamp].target() != target {
             return;
         }
@@ -296,9 +296,12 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         if let Some(cell) = self.dark[term as usize].take(at, first, target.lamp) {
             self.place(term, cell, tolerance);
         }
-        for cell in self.dark[term as usize].take_beside(at, first, target.lamp) {
-            let last = if target.lamp { LAST_LEVEL } else { first + GUESSED_LEVELS };
-            self.place_beside(term, cell, at, last, tolerance);
+        // (A wave that meets itself has many borders, and little light behind them.)
+        if self.is_again(word) {
+            return;
+        }
+        for cell in self.dark[term as usize].take_beside(at, first) {
+            self.place_beside(term, cell, at, first + GUESSED_LEVELS, tolerance);
         }
     }
 
