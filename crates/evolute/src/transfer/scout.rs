@@ -52,18 +52,19 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_
             }
             None => may_be_legal(words, word, cell),
         };
-    if divide {
-        for child in cell.children() {
-            scout_cell(words, word, child, last, for_letters);
-        }
-    } else {
-        if for_letters && cell.level == last && is_more(words, word) {
-            // What is met from the corners is all that is learnt here.
-            for at in cell.corners() {
+    if !divide {
+        words.set_scouted(word, cell);
+        return;
+    }
+    // Where chains turn fast, what is met from the corners of the last cells counts, too.
+    let closer = for_letters && cell.level + 1 == last && is_turned(words, word, cell);
+    for child in cell.children() {
+        if closer && is_more(words, word) {
+            for at in child.corners() {
                 words.reached(word, at);
             }
         }
-        words.set_scouted(word, cell);
+        scout_cell(words, word, child, last, for_letters);
     }
 }
 
