@@ -9,7 +9,7 @@ use super::chain::{Departure, Event};
 use super::estimate::{GUESSED_LEVELS, Place};
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
-use super::interpolant::{Corners, may_rise, misses};
+use super::interpolant::{Corners, misses};
 use super::landing::Darkness;
 use super::quadrature::{FIRST_LEVEL, Quadrature};
 use super::scout::Beam;
@@ -75,14 +75,6 @@ impl Quadrature<'_, '_> {
         }
         if torn && (early || self.words.is_guessed(word)) && !self.is_total(word, place) {
             return Some(DOUBT_SHARE * self.undivided(place));
-        }
-        if missing && is_real && !self.words.is_guessed(word) && std::env::var_os("OFFH").is_none()
-        {
-            let numbers = place.corners().map(|point| self.sample(place.term, point));
-            let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
-            if may_rise(&corners, place.size()) {
-                return Some(DOUBT_SHARE * self.undivided(place));
-            }
         }
         if missing && is_real {
             let share = self.swept_share(word, parent, lamp, place);

@@ -343,22 +343,6 @@ pub fn stays_negative(edge: &Dual, reach: f64) -> bool {
     edge.v + 2.0 * reach * (edge.a.abs() + edge.b.abs()) < 0.0
 }
 
-/// Whether no edge function stays negative from the legal corners towards those at which the chain does not exist. At a
-/// limb it goes like a root there: as far again as its slope says, at most.
-pub fn may_rise(corners: &Corners<'_>, h: f64) -> bool {
-    let legal =
-        || corners.iter().zip(OFF_CENTRE).filter_map(|(s, at)| Some((s.filter(|s| s.legal)?, at)));
-    let missing = || corners.iter().zip(OFF_CENTRE).filter(|(s, _)| s.is_none());
-    let count = legal().map(|(s, _)| s.edges.len()).min().unwrap_or(0);
-    !(0..count).any(|k| {
-        legal().all(|(s, [a, b])| {
-            let edge = s.edges[k];
-            missing()
-                .all(|(_, [c, d])| edge.v + 2.0 * h * (edge.a * (c - a) + edge.b * (d - b)) < 0.0)
-        })
-    })
-}
-
 /// Whether one edge function stays negative within `reach` of all of some samples.
 pub fn misses(samples: &[&FieldSample], reach: f64) -> bool {
     let count = samples.iter().map(|s| s.edges.len()).min().unwrap_or(0);

@@ -49,9 +49,13 @@ fn shell_of_glass_in_a_mirror() {
 
 /// The specular light of a case at the receivers of its table, which an independent path tracer computed.
 fn compare(case: &str) {
+    compare_at(case, 1e-2);
+}
+
+fn compare_at(case: &str, accuracy: f64) {
     let scene = load_file(cases::path("torn_domains", &format!("{case}.xml")), &[]).unwrap().scene;
     let tracer = Tracer::new(&scene);
-    let transfer = Transfer::new(&scene, &tracer, cases::settings(&scene, 1e-2));
+    let transfer = Transfer::new(&scene, &tracer, cases::settings(&scene, accuracy));
     for row in cases::table("torn_domains", &format!("{case}.csv")) {
         let light =
             transfer.light(&receiver([row[0], row[1], row[2]], [row[3], row[4], row[5]]), SPECULAR);
@@ -134,6 +138,22 @@ fn balls() {
 #[test]
 fn limb() {
     compare("limb");
+}
+
+/// Where chains carry nothing, at a disc's middle and at a limb, their neighbours do.
+#[test]
+fn chains_that_carry_nothing() {
+    compare("pole");
+    compare_at("graze", 1e-3);
+    compare("tube");
+}
+
+/// A flat mirror that shows a ball or a tube between the points of its grid, in part behind another.
+#[test]
+fn small_in_a_mirror() {
+    compare_at("hidden", 1e-3);
+    compare("ball_in_mirror");
+    compare("back_and_forth");
 }
 
 /// Under water all light comes through a cone: how large the surface is beyond it must not matter.

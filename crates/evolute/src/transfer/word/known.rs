@@ -9,6 +9,11 @@ use crate::transfer::grid::GridPoint;
 use crate::transfer::landing::{Square, Target};
 
 impl Words<'_> {
+    /// The word of the first letter alone.
+    pub fn first_letter(&self, word: WordId) -> WordId {
+        self.parent(word).map_or(word, |parent| self.first_letter(parent))
+    }
+
     /// Whether a legal chain of the word before meets the last letter at a grid point and is totally
     /// reflected there instead of transmitted.
     pub fn is_total(&mut self, word: WordId, at: GridPoint) -> bool {

@@ -303,11 +303,6 @@ impl<'s> Words<'s> {
         }
     }
 
-    /// The word of the first letter alone.
-    pub fn first_letter(&self, word: WordId) -> WordId {
-        self.parent(word).map_or(word, |parent| self.first_letter(parent))
-    }
-
     /// Whether the word's chain exists at a grid point, is free, and inside all borders.
     pub fn is_legal(&mut self, word: WordId, at: GridPoint) -> bool {
         self.departure(word, at).is_some_and(Departure::is_legal)
