@@ -113,10 +113,11 @@ fn a_stopped_receiver_says_what_it_may_lack() {
     let tracer = Tracer::new(&scene);
     let receiver = receiver([0.1, 0.0, 0.0], [0.1, 0.0, 1.0]);
     let with = |accuracy| TransferSettings { max_specular: 6, ..settings(accuracy) };
-    let fine = Transfer::new(&scene, &tracer, with(4e-4)).light(&receiver, BOTH);
+    // Its chains run out, which does not matter: what it reached is known.
+    let fine = Transfer::new(&scene, &tracer, with(1e-4)).light(&receiver, BOTH);
     let transfer = Transfer::new(&scene, &tracer, with(1e-3));
     let whole = transfer.light(&receiver, BOTH);
-    assert!(fine.met && whole.met && !whole.stopped);
+    assert!(whole.met && !whole.stopped && fine.error < 0.25 * whole.error);
     // What the estimate misses when nothing stops it is not what this is about.
     let sum = |light: &ReceiverLight| (light.direct + light.specular).luminance();
     let missed = (sum(&fine) - sum(&whole)).abs();

@@ -139,6 +139,11 @@ impl Departure {
         self.visible == Visibility::Free && self.edges.iter().all(|e| e.v >= 0.0)
     }
 
+    /// How fast the last leg turns [rad] per unit of (a, b).
+    pub fn turning(&self) -> f64 {
+        self.ray.d.a.norm() + self.ray.d.b.norm()
+    }
+
     /// The throughput, largest channel, that is left of a chain which loses nothing more: leaving the
     /// medium is reckoned in.
     pub fn lossless_throughput(&self) -> f64 {

@@ -5,14 +5,14 @@
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Departure, Event};
+use super::chain::Event;
 use super::estimate::{GUESSED_LEVELS, Place};
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
 use super::interpolant::{Corners, misses};
 use super::landing::Darkness;
 use super::quadrature::{FIRST_LEVEL, Quadrature};
-use super::scout::Beam;
+use super::scout::{Beam, is_turned};
 use super::word::{WordId, Words};
 use crate::geometry::Vector3;
 use crate::scene::ShapeId;
@@ -112,21 +112,13 @@ impl Quadrature<'_, '_> {
         if beam.may_meet(scene, tracer, letter, 0.0) {
             return Some(DOUBT_SHARE * whole);
         }
-        if !early || again || !self.is_turned(parent, place) {
+        if !early || again || !is_turned(&mut self.words, parent, place.cell) {
             return None;
         }
         // Between directions that are far apart chains may leave the beam, as far as those at the centre show.
         let bulge = bulge(&mut self.words, parent, place, &scene.shape(letter.shape).surface);
         let may_meet = bulge.is_none_or(|by| beam.may_meet(scene, tracer, letter, by));
         may_meet.then_some(TURNED_SHARE * whole)
-    }
-
-    /// Whether the chains of a word turn so fast in a cell that those at its corners say little of what lies between.
-    fn is_turned(&mut self, word: WordId, place: &Place) -> bool {
-        place.corners().into_iter().any(|at| {
-            let turning = self.words.departure(word, at).map_or(0.0, turning);
-            turning * place.size() > TRUSTED_TURN
-        })
     }
 
     /// What a word may be worth in a cell of which no corner shows chains of the word before, by those that are
@@ -148,7 +140,7 @@ impl Quadrature<'_, '_> {
         if self.words.letters(word).last().is_none_or(|l| l.event != Event::Reflect) {
             return 0.0;
         }
-        if self.is_turned(parent, place) {
+        if is_turned(&mut self.words, parent, place.cell) {
             return TURNED_SHARE;
         }
         let beam = Beam::past_limb(&mut self.words, word, parent, place.cell);
@@ -242,11 +234,6 @@ impl Quadrature<'_, '_> {
         let surface = &self.words.scene().shape(shape).surface;
         matches!(surface, Surface::Rectangle(_) | Surface::Disk(_) | Surface::Mesh(_))
     }
-}
-
-/// How fast the last leg of a chain turns [rad] per unit of (a, b).
-pub fn turning(departure: &Departure) -> f64 {
-    departure.ray.d.a.norm() + departure.ray.d.b.norm()
 }
 
 /// How far the last legs of a cell's chains may leave the hull of those at its corners on the way to a surface [m]:

@@ -189,7 +189,7 @@ pub fn sample_through(
         blocker,
         normal: departure.first_normal,
         direction: departure.ray.d.v,
-        turning: departure.ray.d.a.norm() + departure.ray.d.b.norm(),
+        turning: departure.turning(),
         first_direction: departure.first_direction,
         throughput: departure.throughput.iter().fold(0.0, |m, t| m.max(t.v.abs())),
         next: departure.next.map(|h| h.anchor.shape),

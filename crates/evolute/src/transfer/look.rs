@@ -3,8 +3,10 @@
 use super::chain::{Departure, Visibility};
 use super::grid::{GRID_BITS, GridPoint};
 use super::quadrature::COARSE_LEVEL;
-use super::specular::WHISPER;
 use super::word::{WordId, Words};
+
+/// From so many reflections in a row by one side of one surface on, chains whisper along it.
+pub const WHISPER: usize = 16;
 
 /// Known chains that are looked at where a coarse grid finds none of a word.
 const MOST_LANDINGS: usize = 9;

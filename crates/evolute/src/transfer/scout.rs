@@ -11,7 +11,7 @@ use std::cell::OnceCell;
 use arrayvec::ArrayVec;
 
 use super::chain::{Departure, Event};
-use super::doubt::{TRUSTED_TURN, turning};
+use super::doubt::TRUSTED_TURN;
 use super::extension::facet;
 use super::grid::GridPoint;
 use super::interpolant::{is_dark, stays_negative};
@@ -68,10 +68,10 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_
     }
 }
 
-/// Whether the chains at some corners of a cell turn so fast that they say little of those where others have none.
-fn is_turned(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
+/// Whether the chains of a word turn so fast in a cell that those at its corners say little of what lies between.
+pub fn is_turned(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
     cell.corners().iter().any(|at| {
-        words.departure(word, *at).is_some_and(|d| turning(d) * cell.size() > TRUSTED_TURN)
+        words.departure(word, *at).is_some_and(|d| d.turning() * cell.size() > TRUSTED_TURN)
     })
 }
 

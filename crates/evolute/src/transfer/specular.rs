@@ -8,7 +8,7 @@ use super::fan::Fan;
 use super::field::DirectField;
 use super::grid::GridPoint;
 use super::left::{Left, LeftWord, MAX_CHAINS, is_full};
-use super::look::{grid, look};
+use super::look::{WHISPER, grid, look};
 use super::quadrature::{COARSE_LEVEL, FIRST_LEVEL, Quadrature, Term};
 use super::scout::scout;
 use super::settings::{Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, WordShare};
@@ -33,8 +33,6 @@ const COARSE_THROUGHPUT: f64 = 0.1;
 const SAMPLED_BOUND_MARGIN: f64 = 1.5;
 /// Most primitives that are looked at one by one before a lamp; beyond, samples alone decide.
 const MAX_SUSPECTS: usize = 64;
-/// From so many reflections in a row by one side of one surface on, chains whisper along it.
-pub const WHISPER: usize = 16;
 /// From so many reflections on it is asked where the chains leave the surface.
 const FAN_RUN: usize = 4;
 /// Share of the brightest lamp that chains are held to come to of which samples say that they do not.
