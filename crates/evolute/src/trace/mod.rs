@@ -237,6 +237,7 @@ impl<'s> Tracer<'s> {
         let more = self.any_in(
             bounds,
             |_| true,
+            |_, _| true,
             |shape, primitive| {
                 let full = out.len() == limit;
                 if !full {
@@ -249,12 +250,14 @@ impl<'s> Tracer<'s> {
         !more
     }
 
-    /// Whether `holds` of any primitive whose box overlaps `bounds`; asked in no particular order, and not
-    /// of those in boxes of which `keep` does not hold.
+    /// Whether `holds` of any `wanted` primitive whose box overlaps `bounds`; asked in no particular order,
+    /// and not of those in boxes of which `keep` does not hold. What is wanted is asked first, and should be
+    /// quick to say: a primitive's box is not at hand.
     pub fn any_in(
         &self,
         bounds: &Aabb,
         keep: impl Fn(&Aabb) -> bool,
+        mut wanted: impl FnMut(ShapeId, u32) -> bool,
         mut holds: impl FnMut(ShapeId, u32) -> bool,
     ) -> bool {
         let mut any = false;
@@ -262,7 +265,8 @@ impl<'s> Tracer<'s> {
             let triangles = self.triangles_of(leaf).map(|t| (t.shape, t.primitive));
             any =
                 triangles.chain(self.others_of(leaf).iter().copied()).any(|(shape, primitive)| {
-                    primitive_bounds(self.surface(shape), primitive).overlaps(bounds)
+                    wanted(ShapeId(shape), primitive)
+                        && primitive_bounds(self.surface(shape), primitive).overlaps(bounds)
                         && holds(ShapeId(shape), primitive)
                 });
             any

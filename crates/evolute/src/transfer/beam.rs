@@ -100,11 +100,10 @@ impl Leg<'_> {
         words.tracer().any_in(
             &bounds,
             |b| !shaft().keeps_out(b),
+            |shape, _| !self.known.contains(&shape) && !self.is_end(words, shape, to),
             |shape, primitive| {
-                !self.known.contains(&shape) && !self.is_end(words, shape, to) && {
-                    let (body, counts) = Body::of(words.scene(), shape, primitive);
-                    self.divisions < counts && !shaft().excludes(&body)
-                }
+                let (body, counts) = Body::of(words.scene(), shape, primitive);
+                self.divisions < counts && !shaft().excludes(&body)
             },
         )
     }
@@ -129,6 +128,7 @@ fn is_crowded(words: &Words<'_>, bounds: &Aabb) -> bool {
     words.tracer().any_in(
         bounds,
         |_| true,
+        |_, _| true,
         |_, _| {
             count += 1;
             count > CROWD

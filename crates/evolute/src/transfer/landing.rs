@@ -202,7 +202,11 @@ impl Landings {
 
 /// Cells of one term that are held dark.
 #[derive(Default)]
-pub struct DarkCells(HashMap<u64, Darkness, GridHasher>);
+pub struct DarkCells {
+    cells: HashMap<u64, Darkness, GridHasher>,
+    /// A bit for each level that ever had a dark cell: most have none.
+    levels: u32,
+}
 
 /// Why a cell is held dark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -216,21 +220,28 @@ pub enum Darkness {
 impl DarkCells {
     /// Notes a dark cell.
     pub fn add(&mut self, cell: Square, why: Darkness) {
-        self.0.insert(cell.key(), why);
+        self.cells.insert(cell.key(), why);
+        self.levels |= 1 << cell.level;
     }
 
     /// Takes out the dark cell that holds a grid point, if one does and is dark for a reason that a
     /// chain which met the letter (not the lamp) contradicts, or for any if it met the lamp.
     pub fn take(&mut self, at: GridPoint, first: u32, met_lamp: bool) -> Option<Square> {
-        if self.0.is_empty() {
-            return None;
-        }
-        let cells = (first..=LAST_LEVEL).map(|level| Square::around(at, level));
-        let found = cells.into_iter().find(|cell| {
-            self.0.get(&cell.key()).is_some_and(|why| met_lamp || *why == Darkness::NoChain)
-        })?;
-        self.0.remove(&found.key());
+        let found = self.around(at, first, |why| met_lamp || why == Darkness::NoChain)?;
+        self.cells.remove(&found.key());
         Some(found)
+    }
+
+    /// The largest cell from a level on that holds a grid point and is dark for a reason that `counts`.
+    fn around(
+        &self,
+        at: GridPoint,
+        first: u32,
+        counts: impl Fn(Darkness) -> bool,
+    ) -> Option<Square> {
+        let levels = (first..=LAST_LEVEL).filter(|level| self.levels & 1 << level != 0);
+        let mut cells = levels.map(|level| Square::around(at, level));
+        cells.find(|cell| self.cells.get(&cell.key()).is_some_and(|why| counts(*why)))
     }
 
     /// Takes out the cells held to have no chains on whose upper borders a grid point lies, but in none of their corners:
@@ -239,11 +250,12 @@ impl DarkCells {
         let mut cells = ArrayVec::new();
         for (di, dj) in [(1, 0), (0, 1), (1, 1)] {
             let (Some(i), Some(j)) = (at.i.checked_sub(di), at.j.checked_sub(dj)) else { continue };
+            // Cells with the point on their upper borders are no larger than its place on the grid lets them be.
+            let aligned = GRID_BITS - (at.i * di | at.j * dj).trailing_zeros().min(GRID_BITS);
             let below = GridPoint { i, j };
-            let mut cells_below = (first..=LAST_LEVEL).map(|level| Square::around(below, level));
-            let beside = cells_below.find(|c| self.0.get(&c.key()) == Some(&Darkness::NoChain));
+            let beside = self.around(below, first.max(aligned), |why| why == Darkness::NoChain);
             if let Some(cell) = beside.filter(|c| c.touches(at) && !c.corners().contains(&at)) {
-                self.0.remove(&cell.key());
+                self.cells.remove(&cell.key());
                 cells.push(cell);
             }
         }

@@ -281,9 +281,23 @@ impl Beam {
         let shaft = Shaft::between(&self.starts, &self.ends).widened(bulge);
         let axes = OnceCell::new();
         let bounds = Aabb::around(self.starts.iter().chain(&self.ends).copied()).grown(bulge);
+        // A surface of formulas has thousands of primitives, of which this says the same.
+        let wanted = |met: Piece| {
+            wanted(met)
+                && !matches!(&scene.shape(met.0).surface,
+                    Surface::Parametric(p) if met == self.from && self.leaves_for_good(p))
+        };
+        let mut last = None;
         tracer.any_in(
             &bounds,
             |b| !shaft.keeps_out(b),
+            |shape, primitive| {
+                let met = (shape, facet(&scene.shape(shape).surface, primitive));
+                match last {
+                    Some((piece, answer)) if piece == met => answer,
+                    _ => last.insert((met, wanted(met))).1,
+                }
+            },
             |shape, primitive| {
                 let surface = &scene.shape(shape).surface;
                 let met = (shape, facet(surface, primitive));
@@ -291,20 +305,16 @@ impl Beam {
                 let is_away =
                     |b: &Aabb| (met != self.from || !b.overlaps(&start)) && !shaft.keeps_out(b);
                 let excluded = || shaft.excludes(&Body::of(scene, shape, primitive).0);
-                wanted(met)
-                    && match surface {
-                        Surface::Parametric(p) if met == self.from && self.leaves_for_good(p) => {
-                            false
-                        }
-                        Surface::Parametric(p) => {
-                            let b = p.leaf_bounds(primitive as usize);
-                            is_away(&b) && !separated(axes.get_or_init(|| shaft.box_axes()), &b)
-                        }
-                        Surface::Mesh(m) if met.1.is_none() => {
-                            is_away(&m.triangle_bounds(primitive)) && !excluded()
-                        }
-                        _ => met != self.from && !excluded(),
+                match surface {
+                    Surface::Parametric(p) => {
+                        let b = p.leaf_bounds(primitive as usize);
+                        is_away(&b) && !separated(axes.get_or_init(|| shaft.box_axes()), &b)
                     }
+                    Surface::Mesh(m) if met.1.is_none() => {
+                        is_away(&m.triangle_bounds(primitive)) && !excluded()
+                    }
+                    _ => met != self.from && !excluded(),
+                }
             },
         )
     }
