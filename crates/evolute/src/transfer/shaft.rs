@@ -154,30 +154,26 @@ impl Shaft {
         match body {
             Body::Hull(points) => {
                 let own_edges: ArrayVec<Vector3, 3> = match points.len() {
-                    // Triangle and parallelogram; a box, whose corners count up along its edges.
+                    // Triangle and parallelogram.
                     3 => [points[1] - points[0], points[2] - points[1], points[0] - points[2]]
                         .into_iter()
                         .collect(),
                     4 => [points[1] - points[0], points[2] - points[1]].into_iter().collect(),
-                    8 => [1, 2, 4].map(|k| points[k] - points[0]).into_iter().collect(),
+                    // A box along the axes of space, whose own edges are nothing where it is flat.
                     _ => [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().collect(),
                 };
+                // (All is as far along no axis at all: that would keep everything out.)
                 let separates = |axis: &Vector3| {
                     let (_, low, high) = self.slackened(*axis);
                     let (from, to) = extent(points, axis);
-                    from >= high || to <= low
+                    axis.norm_squared() > 0.0 && (from >= high || to <= low)
                 };
                 self.faces.iter().any(|(axis, low, high)| {
                     let (from, to) = extent(points, axis);
                     from >= *high || to <= *low
-                }) || (own_edges.len() == 3 && points.len() == 8 && own_edges.iter().any(separates))
+                }) || (points.len() == 8 && own_edges.iter().any(separates))
                     || (points.len() < 8 && separates(&own_edges[0].cross(&own_edges[1])))
-                    || self.edges.iter().any(|e| {
-                        own_edges.iter().any(|f| {
-                            let axis = e.cross(f);
-                            axis.norm_squared() > 0.0 && separates(&axis)
-                        })
-                    })
+                    || self.edges.iter().any(|e| own_edges.iter().any(|f| separates(&e.cross(f))))
             }
             Body::Rod(ends, radius) => self.excludes_rod(ends, *radius),
             Body::Ball(centre, radius) => {
@@ -283,6 +279,14 @@ mod tests {
         // A triangle beside an edge that only an edge-edge axis separates, and one that cuts in.
         assert!(shaft.excludes(&body(&[[1.1, 1.0, 0.0], [0.6, 1.0, 3.0], [1.1, 2.0, 3.0]])));
         assert!(!shaft.excludes(&body(&[[0.3, 1.0, 0.0], [2.0, 1.0, 0.5], [2.0, 1.0, -0.5]])));
+        // Boxes of no thickness, across the shaft and beside it.
+        let flat = |low: [f64; 3], high: [f64; 3]| {
+            let b = Aabb { min: Point3::from(low), max: Point3::from(high) };
+            Body::Hull(b.corners().iter().map(|p| p.coords).collect())
+        };
+        assert!(!shaft.excludes(&flat([-3.0, 1.0, -3.0], [3.0, 1.0, 3.0])));
+        assert!(!shaft.excludes(&flat([0.2, 0.5, -3.0], [0.2, 3.0, 3.0])));
+        assert!(shaft.excludes(&flat([0.6, 1.0, -3.0], [3.0, 1.0, 3.0])));
         // Coplanar with the base, or behind it.
         assert!(shaft.excludes(&body(&[[-3.0, 2.0, -3.0], [3.0, 2.0, -3.0], [0.0, 2.0, 3.0]])));
         for (c, r, out) in [

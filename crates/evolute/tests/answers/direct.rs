@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
+use evolute::formula::Formula;
 use evolute::geometry::{Point3, Transform, Vector3};
 use evolute::scene::{Scene, Shape};
-use evolute::surface::{Cylinder, Disk, Mesh, Sphere, Surface};
+use evolute::surface::{Cylinder, Disk, Mesh, Parametric, Sphere, Surface};
 use evolute::trace::Tracer;
 use evolute::transfer::{Components, Receiver, Transfer};
 
@@ -153,6 +154,41 @@ fn hidden_by_a_rectangle() {
         let exact = irradiance(&at, &corners, None) - irradiance(&at, &corners, Some(&window));
         let scene = scene(vec![lamp, shape("screen", rectangle(centre, p, q), black(), 0.0)]);
         check(&format!("screen {centre:?}"), &scene, &at, exact, 0.0);
+    }
+}
+
+/// Plane formulas across an axis: boxes of no thickness.
+#[test]
+fn hidden_by_a_flat_formula() {
+    for (x, y, z, window) in [
+        (
+            "0.3*s - 0.1",
+            "1",
+            "0.4*t - 0.1",
+            [[-0.1, 1.0, -0.1], [0.2, 1.0, -0.1], [0.2, 1.0, 0.3], [-0.1, 1.0, 0.3]],
+        ),
+        (
+            "0.05",
+            "0.2 + s",
+            "0.4*t - 0.1",
+            [[0.05, 0.2, -0.1], [0.05, 1.2, -0.1], [0.05, 1.2, 0.3], [0.05, 0.2, 0.3]],
+        ),
+        (
+            "0.3*s - 0.1",
+            "1 + 0.5*t",
+            "0.1",
+            [[-0.1, 1.0, 0.1], [0.2, 1.0, 0.1], [0.2, 1.5, 0.1], [-0.1, 1.5, 0.1]],
+        ),
+    ] {
+        let (lamp, corners) = lamp();
+        let at = receiver([0.1, 0.0, 0.2], [0.1, 1.0, -0.2]);
+        let window = window.map(Point3::from);
+        let exact = irradiance(&at, &corners, None) - irradiance(&at, &corners, Some(&window));
+        assert!(exact < 0.99 * irradiance(&at, &corners, None), "it hides nothing");
+        let [x3, y3, z3] = [x, y, z].map(|f| Formula::parse(f, &["s", "t"], &[]).unwrap());
+        let screen = Parametric::new(x3, y3, z3, Transform::identity(), false).unwrap();
+        let scene = scene(vec![lamp, shape("screen", Surface::Parametric(screen), black(), 0.0)]);
+        check(&format!("formula {x}, {y}, {z}"), &scene, &at, exact, 0.0);
     }
 }
 
