@@ -12,7 +12,7 @@ use super::grid::GridPoint;
 use super::interpolant::{Corners, Interpolant, Light, is_dark};
 use super::landing::{Darkness, Square};
 use super::polynomial::Patch;
-use super::quadrature::{LAST_LEVEL, Quadrature, Term};
+use super::quadrature::{FIRST_LEVEL, LAST_LEVEL, Quadrature, Term};
 use super::shadow::{HIDDEN_LEVELS, HIDDEN_SHARE};
 use super::word::WordId;
 use crate::geometry::Rgb;
@@ -134,7 +134,8 @@ impl Quadrature<'_, '_> {
                 channels: if self.words.is_grey(*word) { 1 } else { 3 },
             },
         };
-        let large = level < LAST_LEVEL && self.is_large(place, &numbers);
+        let large = level < LAST_LEVEL
+            && (self.is_large(place, &numbers) || self.is_large_in_island(place, &numbers));
         let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
         if corners.iter().all(Option::is_none) {
             // A chain that exists nowhere on the corners may still exist inside.
@@ -249,6 +250,18 @@ impl Quadrature<'_, '_> {
             }
         };
         criterion.divides(&directions, numbers.iter().all(|k| self.samples[*k].is_some()))
+    }
+
+    /// Whether the part of the domain that a word's chains come from, some of them from this cell, is so small that
+    /// only its first grid's cells' parts are as small next to it as such cells next to a whole domain.
+    fn is_large_in_island(&mut self, place: &Place, numbers: &[usize; 4]) -> bool {
+        let Term::Through(word, _) = self.terms[place.term] else { return false };
+        let levels = self.words.island_levels(word);
+        levels > 0
+            && place.cell.level < FIRST_LEVEL + levels
+            && !self.is_again(word)
+            && (numbers.iter().any(|k| self.samples[*k].as_ref().is_some_and(|s| s.legal))
+                || self.words.is_met_from(word, place.cell))
     }
 
     /// Whether the cell lies outside the borders of the word before the last letter: then no chain of

@@ -6,6 +6,9 @@ use crate::transfer::chain::Departure;
 use crate::transfer::grid::GridPoint;
 use crate::transfer::landing::{Square, Target};
 
+/// Most halvings of a domain for an island: what is smaller brings little.
+const MOST_ISLAND_LEVELS: u32 = 5;
+
 impl Words<'_> {
     /// Luminance of the brightest that a word's chains and all that continue them may come to [W/(m² sr)], if
     /// that was kept.
@@ -21,6 +24,13 @@ impl Words<'_> {
     /// How much of the domain legal chains seem to come from.
     pub fn area(&self, word: WordId) -> f64 {
         self.words[word.0 as usize].area
+    }
+
+    /// How many times the domain is to be halved for as few cells to hold the word's legal chains as a domain that is
+    /// full of them has.
+    pub fn island_levels(&self, word: WordId) -> u32 {
+        let side = self.area(word).clamp(0.0, 1.0).sqrt();
+        (0..MOST_ISLAND_LEVELS).take_while(|k| side * f64::from(2u32 << k) <= 1.0).count() as u32
     }
 
     /// Keeps a cell in which letters were searched for and that was not divided further.
