@@ -33,7 +33,7 @@ pub struct Common {
     /// Set $NAME in the scene, as in Mitsuba
     #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = definition)]
     pub define: Vec<(String, String)>,
-    /// Number of threads, at most 256; the result does not depend on it [default: all cores]
+    /// Number of threads (more than 256 count as 256); the result does not depend on it [default: all cores]
     #[arg(short = 't', long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..),
           allow_negative_numbers = true)]
     pub threads: Option<u16>,

@@ -122,8 +122,12 @@ pub(super) fn find_file(sources: &Sources, folders: &[PathBuf], name: &Text) -> 
     let mut candidates: Vec<PathBuf> = candidates.collect();
     candidates.dedup();
     candidates.iter().find(|p| p.is_file()).cloned().ok_or_else(|| {
-        let complaint =
-            Complaint::at(name.span, format!("there is no file {}", quoted(&name.value)));
+        let message = if candidates.iter().any(|p| p.exists()) {
+            format!("{} is there, but it is no file", quoted(&name.value))
+        } else {
+            format!("there is no file {}", quoted(&name.value))
+        };
+        let complaint = Complaint::at(name.span, message);
         let looked: Vec<String> =
             candidates.iter().map(|p| quoted(&p.to_string_lossy()).to_string()).collect();
         if looked.is_empty() {

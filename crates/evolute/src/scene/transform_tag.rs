@@ -49,10 +49,15 @@ fn step(tag: &str, attributes: &Attributes) -> Checked<Transform> {
         "rotate" => {
             let angle = number::float(attributes.require("angle")?)?;
             let axis: Vector3 = triple(attributes, Some(0.0))?.into();
-            let unit = (axis / axis.amax()).try_normalize(0.0).ok_or_else(|| {
-                say("a rotation needs an axis")
+            let without_axis = || {
+                say("a rotation needs an axis: x, y and z must not all be 0")
                     .help("write <rotate x=\"1\" angle=\"90\"/>, degrees, right-handed")
-            })?;
+            };
+            // (Nothing divided by nothing is no number, and has a length that is not nothing.)
+            let some = Some(axis).filter(|axis| axis.amax() > 0.0);
+            let unit = some
+                .and_then(|axis| (axis / axis.amax()).try_normalize(0.0))
+                .ok_or_else(without_axis)?;
             // Mitsuba 3 does not normalise the axis, and what it makes of a longer one is no
             // rotation. Neither its answer nor another would be what was meant.
             if (axis - unit).amax() > UNIT_TOLERANCE {
@@ -61,7 +66,7 @@ fn step(tag: &str, attributes: &Attributes) -> Checked<Transform> {
                     unit.x, unit.y, unit.z
                 )));
             }
-            placement::rotation(unit, angle).ok_or_else(|| say("a rotation needs an axis"))
+            placement::rotation(unit, angle).ok_or_else(without_axis)
         }
         "lookat" => {
             let point = |name: &str| number::triple(attributes.require(name)?).map(Point3::from);

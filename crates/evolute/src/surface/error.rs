@@ -20,7 +20,7 @@ pub enum SurfaceError {
     /// The transform does not keep the shape's kind.
     #[error(
         "a {shape} stays a {shape} only when it is moved, turned, mirrored or scaled {how}; this \
-         transform stretches or shears it"
+         transform stretches or shears it; formulas (parametric) can say what it makes"
     )]
     Distorted {
         /// The shape.
@@ -29,7 +29,10 @@ pub enum SurfaceError {
         how: &'static str,
     },
     /// The shape has no area in double precision.
-    #[error("the {shape} is squeezed to nothing: it has no area")]
+    #[error(
+        "the {shape} is squeezed to nothing: it has no area; formulas and transforms must leave it \
+         length and width"
+    )]
     NoArea {
         /// The shape.
         shape: &'static str,

@@ -34,12 +34,6 @@ const BACK_PIECES: f64 = 8.0;
 pub const TRUSTED_TURN: f64 = 0.5;
 
 impl Quadrature<'_, '_> {
-    /// Whether a cell is so large, next to the part of the domain that the word's chains come from, that its corners
-    /// may say little of it.
-    fn is_early(&self, word: WordId, place: &Place) -> bool {
-        place.cell.level < FIRST_LEVEL + GUESSED_LEVELS + self.words.island_levels(word)
-    }
-
     /// Whether chains at the corners or the centre of a cell meet the word's last letter and are totally
     /// reflected instead of transmitted.
     pub(super) fn is_total(&mut self, word: WordId, place: &Place) -> bool {
@@ -73,7 +67,7 @@ impl Quadrature<'_, '_> {
         let parent = self.words.parent(word)?;
         let missing = corners.iter().any(Option::is_none);
         // At the limb of a ball all chains turn fast, however small the cell.
-        let early = self.is_early(word, place);
+        let early = place.cell.level < FIRST_LEVEL + GUESSED_LEVELS;
         let mut torn = missing && corners.iter().flatten().any(turns);
         if missing && early && corners.iter().any(Option::is_some) {
             let centre = self.sample(place.term, place.at(0.5, 0.5));
@@ -202,7 +196,7 @@ impl Quadrature<'_, '_> {
         // (A wave that meets itself has many such cells, and little in them.)
         let bare = !self.is_again(word)
             && corners.iter().all(|k| self.samples[*k].is_none())
-            && self.is_early(word, place);
+            && place.cell.level < FIRST_LEVEL + GUESSED_LEVELS;
         if ending.is_empty() || misses(&ending, place.size()) {
             return if bare {
                 DOUBT_SHARE * brightest(&known) * whole.min(most_area) * luminance

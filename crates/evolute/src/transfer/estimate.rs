@@ -207,13 +207,14 @@ impl Quadrature<'_, '_> {
             return Ok(Estimate { error: HIDDEN_SHARE * whole, ..Estimate::DARK });
         }
         let missing = corners.iter().any(Option::is_none);
+        let legal = corners.iter().chain([&centre]).flatten().any(|s| s.legal);
         let nothing = ROUNDING * interpolant.most();
         let sights = (sights, middle, hidden, torn);
         let estimate = self.with_sights(place, interpolant, sights, tolerance)?;
         let worth = estimate.integral.luminance().abs() + estimate.error;
-        if missing && !guessed && worth <= nothing && !estimate.divide {
+        if missing && (!guessed || !legal) && worth <= nothing && !estimate.divide {
             // The polynomials, extrapolated, leave nothing of the lamp in the cell.
-            return Err(Darkness::NoLight);
+            return Err(if legal { Darkness::NoLight } else { Darkness::NoChain });
         }
         Ok(estimate)
     }

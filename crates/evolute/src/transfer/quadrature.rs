@@ -300,8 +300,9 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         if self.is_again(word) {
             return;
         }
+        let last = first + GUESSED_LEVELS.max(self.words.island_levels(word) + FIRST_LEVEL - first);
         for cell in self.dark[term as usize].take_beside(at, first) {
-            self.place_beside(term, cell, at, first + GUESSED_LEVELS, tolerance);
+            self.place_beside(term, cell, at, last, tolerance);
         }
     }
 

@@ -17,7 +17,6 @@ use super::grid::GridPoint;
 use super::interpolant::{is_dark, stays_negative};
 use super::landing::{Square, Target};
 use super::polynomial::Patch;
-use super::quadrature::FIRST_LEVEL;
 use super::shaft::{Body, Shaft, separated};
 use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3, Vector3};
@@ -35,27 +34,12 @@ const SCOUTED_LEVELS: u32 = 4;
 /// is, and, if `for_letters`, through which a specular surface may be met that none of the corners' meets.
 pub fn scout(words: &mut Words<'_>, word: WordId, first: u32, for_letters: bool) {
     let n = 1u32 << first;
-    let last = SCOUTED_LEVELS + if for_letters { first.max(FIRST_LEVEL) } else { first };
     for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-        scout_cell(
-            words,
-            word,
-            Square::nth(first, i, j),
-            last,
-            for_letters,
-            for_letters && first < FIRST_LEVEL,
-        );
+        scout_cell(words, word, Square::nth(first, i, j), first + SCOUTED_LEVELS, for_letters);
     }
 }
 
-fn scout_cell(
-    words: &mut Words<'_>,
-    word: WordId,
-    cell: Square,
-    last: u32,
-    for_letters: bool,
-    island: bool,
-) {
+fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_letters: bool) {
     let divide = cell.level < last
         && match Beam::of(words, word, cell, true) {
             Some(beam) => {
@@ -66,22 +50,21 @@ fn scout_cell(
                             && is_turned(words, word, cell)
                             && is_more(words, word))
             }
-            // (An island of which a chain is known lies between the corners of such a cell.)
-            None => may_be_legal(words, word, cell) || for_letters && words.is_met_from(word, cell),
+            None => may_be_legal(words, word, cell),
         };
     if !divide {
         words.set_scouted(word, cell);
         return;
     }
-    // In an island, and where chains turn fast, what is met from the corners of the last cells counts, too.
-    let closer = for_letters && cell.level + 1 == last && (island || is_turned(words, word, cell));
+    // Where chains turn fast, what is met from the corners of the last cells counts, too.
+    let closer = for_letters && cell.level + 1 == last && is_turned(words, word, cell);
     for child in cell.children() {
         if closer && is_more(words, word) {
             for at in child.corners() {
                 words.reached(word, at);
             }
         }
-        scout_cell(words, word, child, last, for_letters, island);
+        scout_cell(words, word, child, last, for_letters);
     }
 }
 
