@@ -3,11 +3,13 @@
 //! Cells are halved (polynomials only, no ray is traced) until no constraint, one constraint that is
 //! monotone along an axis, or nearly straight constraints remain. The second kind is integrated
 //! along that axis in closed form and across it by Gauss's rule between the points where the curve
-//! enters and leaves; the third is a polygon.
+//! enters and leaves; the third is a polygon. Of several constraints at once, bounding planes show halves in which
+//! together they leave nothing, and those that the others imply (chains of many reflections have twenty, and most of
+//! their cells nothing).
 //!
 //! Guarantee: the error committed by taking nearly straight curves for straight is at most about
-//! the tolerance given, or 1e-8 of the cell if that is more. Limit: it integrates the polynomials; how far they are from the functions
-//! they stand for is the caller's concern.
+//! the tolerance given, or 1e-8 of the cell if that is more. Limit: it integrates the polynomials; how far they are
+//! from the functions they stand for is the caller's concern.
 
 use arrayvec::ArrayVec;
 
@@ -36,6 +38,10 @@ const GAUSS2: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 pub type Weights = ArrayVec<Patch, 3>;
 /// Constraints that vanish in a cell.
 type Cuts = ArrayVec<Patch, MAX_CONSTRAINTS>;
+/// Planes of constraints, and how far these are off them.
+type Planes = ArrayVec<([f64; 3], f64), MAX_CONSTRAINTS>;
+/// A convex polygon.
+type Polygon = ArrayVec<[f64; 2], { MAX_CONSTRAINTS + 6 }>;
 /// Integrals, a channel each.
 pub type Integrals = [f64; 3];
 
@@ -72,18 +78,38 @@ fn recurse(
     }
     // How much of the cell the bends of the curves can be worth.
     let mut bend = 0.0;
-    let mut planes: ArrayVec<[f64; 3], MAX_CONSTRAINTS> = ArrayVec::new();
+    let mut planes = Planes::new();
     for c in &cuts {
         let (off, plane) = c.plane();
         let slope = (plane[1] * plane[1] + plane[2] * plane[2]).sqrt();
         bend += if off < slope { off / slope } else { 1.0 };
-        planes.push(plane);
+        planes.push((plane, off));
     }
     let heaviest =
         weights.iter().map(|w| w.bounds()).fold(0f64, |m, (l, h)| m.max(l.abs()).max(h.abs()));
     // A strip of that width is at most √2 long and may lie on either side.
     if 2.0 * bend * heaviest * area <= tolerance || depth >= MAX_DEPTH {
         return polygon(weights, &planes, area, sum);
+    }
+    let mut halves = [[true; 2]; 2];
+    if cuts.len() > 1 {
+        // What the planes leave, moved out by as much as the polynomials are off them, holds all that these leave:
+        // nothing, often, though each of them leaves something; and of some all that the others leave.
+        let around = clipped(&planes, 1.0);
+        if around.is_empty() {
+            return;
+        }
+        for (axis, [low, high]) in halves.iter_mut().enumerate() {
+            *low = around.iter().any(|p| p[axis] < 0.0);
+            *high = around.iter().any(|p| p[axis] > 0.0);
+        }
+        let mut at = planes.iter();
+        cuts.retain(|_| {
+            at.next().is_some_and(|(plane, off)| around.iter().any(|p| value(plane, p) <= *off))
+        });
+        if cuts.is_empty() {
+            return recurse(weights, &cuts, area, tolerance, depth, sum);
+        }
     }
     if let [only] = cuts.as_slice() {
         if only.trend_b(EVENNESS) != 0 {
@@ -107,17 +133,23 @@ fn recurse(
         cl.push(l);
         cr.push(r);
     }
-    halve_b(&wl, &cl, 0.25 * area, tolerance, depth + 1, sum);
-    halve_b(&wr, &cr, 0.25 * area, tolerance, depth + 1, sum);
+    let [[left, right], halves_b] = halves;
+    if left {
+        halve_b(&wl, &cl, 0.25 * area, tolerance, depth + 1, halves_b, sum);
+    }
+    if right {
+        halve_b(&wr, &cr, 0.25 * area, tolerance, depth + 1, halves_b, sum);
+    }
 }
 
-/// Both halves along b.
+/// Both halves along b, as far as they are wanted.
 fn halve_b(
     weights: &Weights,
     cuts: &[Patch],
     area: f64,
     tolerance: f64,
     depth: u32,
+    [below, above]: [bool; 2],
     sum: &mut Integrals,
 ) {
     if cuts.iter().any(|c| c.bounds().1 <= 0.0) {
@@ -136,8 +168,12 @@ fn halve_b(
         cr.push(r);
     }
     // A quarter of the tolerance for each: areas shrink by four as well.
-    recurse(&wl, &cl, area, 0.25 * tolerance, depth, sum);
-    recurse(&wr, &cr, area, 0.25 * tolerance, depth, sum);
+    if below {
+        recurse(&wl, &cl, area, 0.25 * tolerance, depth, sum);
+    }
+    if above {
+        recurse(&wr, &cr, area, 0.25 * tolerance, depth, sum);
+    }
 }
 
 /// One constraint that rises or falls along b everywhere: a single curve b(a).
@@ -266,19 +302,14 @@ fn cubic_roots(c: &[f64; 4]) -> ArrayVec<f64, 3> {
     roots
 }
 
-/// All constraints taken as straight: clip the unit square, integrate the weights as planes.
-fn polygon(
-    weights: &Weights,
-    planes: &ArrayVec<[f64; 3], MAX_CONSTRAINTS>,
-    area: f64,
-    sum: &mut Integrals,
-) {
-    type Polygon = ArrayVec<[f64; 2], { MAX_CONSTRAINTS + 6 }>;
-    let mut shape: Polygon = ArrayVec::new();
+/// The part of the unit cell, coordinates from its middle, where all planes, each moved out by `share` of how far its
+/// polynomial is off it, are positive; no corners if there is none.
+fn clipped(planes: &Planes, share: f64) -> Polygon {
+    let mut shape = Polygon::new();
     shape.extend([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]);
-    for [c, ga, gb] in planes {
-        let value = |p: &[f64; 2]| c + ga * p[0] + gb * p[1];
-        let mut kept: Polygon = ArrayVec::new();
+    for (plane, off) in planes {
+        let value = |p: &[f64; 2]| value(plane, p) + share * off;
+        let mut kept = Polygon::new();
         for k in 0..shape.len() {
             let (p, q) = (shape[k], shape[(k + 1) % shape.len()]);
             let (fp, fq) = (value(&p), value(&q));
@@ -292,23 +323,38 @@ fn polygon(
         }
         shape = kept;
         if shape.len() < 3 {
-            return;
+            return Polygon::new();
         }
     }
+    shape
+}
+
+fn value([c, ga, gb]: &[f64; 3], p: &[f64; 2]) -> f64 {
+    c + ga * p[0] + gb * p[1]
+}
+
+/// All constraints taken as straight: clip the unit square, integrate the weights as planes.
+fn polygon(weights: &Weights, planes: &Planes, area: f64, sum: &mut Integrals) {
+    let [size, ma, mb] = moments(&clipped(planes, 0.0));
+    for (s, w) in sum.iter_mut().zip(weights) {
+        let (_, [c, ga, gb]) = w.plane();
+        *s += area * (c * size + ga * ma + gb * mb);
+    }
+}
+
+/// A convex polygon's area and first moments.
+fn moments(shape: &Polygon) -> [f64; 3] {
     let (mut size, mut ma, mut mb) = (0.0, 0.0, 0.0);
-    let first = shape[0];
-    for k in 1..shape.len() - 1 {
-        let (p, q) = (shape[k], shape[k + 1]);
+    let Some((first, others)) = shape.split_first() else { return [0.0; 3] };
+    for pair in others.windows(2) {
+        let (p, q) = (pair[0], pair[1]);
         let t =
             0.5 * ((p[0] - first[0]) * (q[1] - first[1]) - (p[1] - first[1]) * (q[0] - first[0]));
         size += t;
         ma += t * (first[0] + p[0] + q[0]) / 3.0;
         mb += t * (first[1] + p[1] + q[1]) / 3.0;
     }
-    for (s, w) in sum.iter_mut().zip(weights) {
-        let (_, [c, ga, gb]) = w.plane();
-        *s += area * (c * size + ga * ma + gb * mb);
-    }
+    [size, ma, mb]
 }
 
 #[cfg(test)]

@@ -156,6 +156,13 @@ fn small_in_a_mirror() {
     compare("back_and_forth");
 }
 
+/// Islands of a word that are much smaller than a cell of the first grid; beside them its chains do not exist.
+#[test]
+fn islands() {
+    compare_at("corner", 1e-3);
+    compare_at("dish_and_ball", 1e-3);
+}
+
 /// Under water all light comes through a cone: how large the surface is beyond it must not matter.
 #[test]
 fn pool() {
