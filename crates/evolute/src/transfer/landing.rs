@@ -239,7 +239,7 @@ impl DarkCells {
         first: u32,
         counts: impl Fn(Darkness) -> bool,
     ) -> Option<Square> {
-        let levels = (first..=LAST_LEVEL).filter(|level| self.levels & 1 << level != 0);
+        let levels = (first..=LAST_LEVEL).filter(|level| self.levels & (1 << level) != 0);
         let mut cells = levels.map(|level| Square::around(at, level));
         cells.find(|cell| self.cells.get(&cell.key()).is_some_and(|why| counts(*why)))
     }
@@ -251,7 +251,7 @@ impl DarkCells {
         for (di, dj) in [(1, 0), (0, 1), (1, 1)] {
             let (Some(i), Some(j)) = (at.i.checked_sub(di), at.j.checked_sub(dj)) else { continue };
             // Cells with the point on their upper borders are no larger than its place on the grid lets them be.
-            let aligned = GRID_BITS - (at.i * di | at.j * dj).trailing_zeros().min(GRID_BITS);
+            let aligned = GRID_BITS - ((at.i * di) | (at.j * dj)).trailing_zeros().min(GRID_BITS);
             let below = GridPoint { i, j };
             let beside = self.around(below, first.max(aligned), |why| why == Darkness::NoChain);
             if let Some(cell) = beside.filter(|c| c.touches(at) && !c.corners().contains(&at)) {
