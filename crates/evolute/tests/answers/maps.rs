@@ -272,7 +272,7 @@ fn glass_ball_all_cells() {
 }
 
 #[test]
-#[ignore = "all cells take forty minutes of one core; holds when run by hand, see the case's page"]
+#[ignore = "all cells take two hours of one core; holds when run by hand, see the case's page"]
 fn mirror_ring_small_all_cells() {
     compare("mirror_ring_small", 1, 0.01, straddled);
 }
