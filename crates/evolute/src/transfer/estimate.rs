@@ -253,8 +253,8 @@ impl Quadrature<'_, '_> {
         criterion.divides(&directions, numbers.iter().all(|k| self.samples[*k].is_some()))
     }
 
-    /// Whether the part of the domain that a word's chains come from, some of them from this cell, is so small that
-    /// only its first grid's cells' parts are as small next to it as such cells next to a whole domain.
+    /// Whether a cell from which chains of the word are known is large next to the part of the domain that they come from:
+    /// an island is to hold as many cells as the first grid of a domain that is full of chains.
     fn is_large_in_island(&mut self, place: &Place, numbers: &[usize; 4]) -> bool {
         let Term::Through(word, _) = self.terms[place.term] else { return false };
         let levels = self.words.island_levels(word);
