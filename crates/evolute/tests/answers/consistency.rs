@@ -29,7 +29,7 @@ fn surface<'s>(scene: &'s Scene, id: &str) -> &'s Surface {
 }
 
 /// The lamp's geometry, and its radiance.
-fn lamp(scene: &Scene) -> (Lamp, f64) {
+pub fn lamp(scene: &Scene) -> (Lamp, f64) {
     let shape = scene.shapes.iter().find(|s| s.id == "lamp").unwrap();
     let Surface::Rectangle(r) = &shape.surface else { panic!("the lamp is a rectangle") };
     let mut corners = r.corners();
@@ -73,7 +73,7 @@ fn ball_points(scene: &Scene) -> Vec<[f64; 3]> {
     floor_points(2.0, ball_core(scene), 0.5)
 }
 
-fn ring_of(scene: &Scene) -> Ring {
+pub fn ring_of(scene: &Scene) -> Ring {
     let Surface::Cylinder(c) = surface(scene, "ring") else { panic!("the ring is a cylinder") };
     Ring { radius: c.radius(), height: c.length() }
 }
