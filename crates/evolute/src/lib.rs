@@ -8,8 +8,10 @@
 //! - [`surface`]: every surface: jets, fundamental forms, bounds
 //! - [`optics`]: media, Fresnel, wavefronts, intensity and area factors
 //! - [`scene`]: text → description → checked scene
-//! - [`trace`]: nearest hit, occlusion
+//! - [`trace`]: nearest hit, occlusion, ray trees
+//! - [`receiver`]: triangle meshes over parameter domains
 //! - [`transfer`]: diffuse and specular light at a receiver
+//! - [`solve`]: the first pass: radiosity
 //! - [`view`]: camera → layers of radiance
 //! - [`output`]: files; no physics
 
@@ -17,7 +19,9 @@ pub mod formula;
 pub mod geometry;
 pub mod optics;
 pub mod output;
+pub mod receiver;
 pub mod scene;
+pub mod solve;
 pub mod surface;
 pub mod trace;
 pub mod transfer;

@@ -136,10 +136,13 @@ impl Cylinder {
 
     /// The point of texture coordinates in [0, 1]², else `None`.
     pub fn point(&self, u: f64, v: f64) -> Option<SurfacePoint> {
-        super::in_unit_square(u, v).then(|| {
-            let (s, c) = math::sin_cos(TAU * u);
-            self.at(v, &(self.across[0] * c + self.across[1] * s))
-        })
+        super::in_unit_square(u, v).then(|| self.at_turn(u, v))
+    }
+
+    /// The point at an angle, in turns, and a height.
+    pub(super) fn at_turn(&self, turn: f64, height: f64) -> SurfacePoint {
+        let (s, c) = math::sin_cos(TAU * turn);
+        self.at(height, &(self.across[0] * c + self.across[1] * s))
     }
 
     /// Derivatives by texture coordinates.

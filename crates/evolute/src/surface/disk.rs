@@ -41,6 +41,11 @@ impl Disk {
         self.frame.normal
     }
 
+    /// The point of object coordinates x = p, y = q.
+    pub(super) fn at(&self, p: f64, q: f64) -> SurfacePoint {
+        self.frame.at(p, q)
+    }
+
     /// The point of texture coordinates in [0, 1]², else `None`.
     pub fn point(&self, u: f64, v: f64) -> Option<SurfacePoint> {
         super::in_unit_square(u, v).then(|| {

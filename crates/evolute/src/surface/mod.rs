@@ -2,6 +2,7 @@
 //!
 //! A surface knows geometry only; materials and emission belong to [`crate::scene::Shape`].
 
+mod chart;
 mod cylinder;
 mod disk;
 mod error;
@@ -12,6 +13,8 @@ mod plane;
 mod rectangle;
 mod sphere;
 
+pub use chart::ChartPoint;
+pub(crate) use chart::sphere_charts;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use error::SurfaceError;

@@ -46,6 +46,11 @@ impl Rectangle {
         [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(p, q)| self.frame.at(p, q).x)
     }
 
+    /// The point of object coordinates x = p, y = q.
+    pub(super) fn at(&self, p: f64, q: f64) -> SurfacePoint {
+        self.frame.at(p, q)
+    }
+
     /// The point of texture coordinates in [0, 1]², else `None`.
     pub fn point(&self, u: f64, v: f64) -> Option<SurfacePoint> {
         super::in_unit_square(u, v).then(|| self.frame.at(2.0 * u - 1.0, 2.0 * v - 1.0))

@@ -94,7 +94,7 @@ impl Sphere {
     }
 
     /// The point in direction `d` from the centre, `d` of length one.
-    fn towards(&self, d: &Vector3) -> SurfacePoint {
+    pub(super) fn towards(&self, d: &Vector3) -> SurfacePoint {
         SurfacePoint { primitive: 0, p: 0.0, q: 0.0, x: self.centre + d * self.radius }
     }
 

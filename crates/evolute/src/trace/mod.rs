@@ -10,6 +10,7 @@
 mod ends;
 mod hierarchy;
 mod leaves;
+pub mod tree;
 mod triangle;
 
 use crate::geometry::{Aabb, Point3, Ray};

@@ -16,6 +16,7 @@ mod extension;
 mod fan;
 mod field;
 mod grid;
+mod hemisphere;
 mod interpolant;
 mod lamp;
 mod landing;
@@ -37,6 +38,7 @@ mod word;
 pub use chain::{Event, Step};
 pub use criteria::{Criteria, MatchingTrees, NormalVariation, QuadratureAccuracy, SolidAngle};
 pub use diffuse::lambert;
+pub use hemisphere::{Gathered, HemisphereSettings, Link, Row, gather};
 pub use settings::{
     Components, Counts, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, TransferSettings, WordShare,
 };

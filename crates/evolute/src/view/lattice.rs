@@ -22,10 +22,10 @@ use std::collections::{HashMap, HashSet};
 use rayon::prelude::*;
 
 use crate::geometry::Rgb;
+use crate::trace::tree::Leaf;
 use crate::transfer::Counts;
 
 use super::receiver::{Allowance, Part};
-use super::tree::Leaf;
 use super::{Control, Order, View};
 
 /// Units of the lattice's coordinates in a pixel: the finest nodes are half a pixel apart. A hard

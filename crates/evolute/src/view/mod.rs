@@ -13,17 +13,16 @@ mod filter;
 mod lattice;
 mod receiver;
 mod resolve;
-mod tree;
 
 use crate::scene::{ReconstructionFilter, Scene, Sensor};
 use crate::trace::Tracer;
+use crate::trace::tree::{self, Leaf, Limits, Sight, Trunk};
 use crate::transfer::{Counts, ReceiverLight, TransferSettings};
 
 use camera::Camera;
 use lattice::Lattice;
 use receiver::{Lighting, Part};
 use resolve::Lattices;
-use tree::{Leaf, Limits, Sight};
 
 /// What is asked of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -129,7 +128,14 @@ struct View<'s> {
 impl View<'_> {
     /// What is seen through (x, y) of the film [pixels].
     fn sight(&self, x: f64, y: f64) -> Sight {
-        tree::sight(self.tracer, &self.camera.ray(x, y), &self.limits)
+        let first = self.camera.ray(x, y);
+        let trunk = Trunk {
+            ray: first.ray(),
+            length: first.length,
+            start: &[],
+            travelled: first.travelled,
+        };
+        tree::sight(self.tracer, &trunk, &self.limits)
     }
 
     /// The whole picture; `None` if told to abandon it.
@@ -235,7 +241,7 @@ mod tests {
     ) -> Picture {
         let tracer = Tracer::new(scene);
         let light = |leaf: &Leaf, _, _| ReceiverLight {
-            direct: Rgb::grey(irradiance(leaf.position.x, leaf.position.y)),
+            direct: Rgb::grey(irradiance(leaf.anchor.point.x.x, leaf.anchor.point.x.y)),
             met: true,
             ..ReceiverLight::default()
         };

@@ -3,11 +3,10 @@
 use crate::geometry::Rgb;
 use crate::scene::Scene;
 use crate::trace::Tracer;
+use crate::trace::tree::Leaf;
 use crate::transfer::{
     Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, Transfer, TransferSettings,
 };
-
-use super::tree::Leaf;
 
 /// The parts of the irradiance that are computed on their own: most edges are edges of one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +92,7 @@ impl<'s> Lighting<'s> {
             Part::Specular if left == 0 || !self.specular => return nothing,
             Part::Specular => Components { direct: false, specular: true },
         };
-        let receiver = Receiver { position: leaf.position, normal: leaf.normal };
+        let receiver = Receiver { position: leaf.anchor.point.x, normal: leaf.normal };
         let longest = self.transfers.len() - 1;
         let transfer = &self.transfers[longest.min(usize::try_from(left).unwrap_or(longest))];
         transfer.light_until(&receiver, components, absolute, stop)

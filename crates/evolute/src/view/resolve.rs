@@ -5,12 +5,12 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use crate::geometry::Rgb;
+use crate::trace::tree::{Leaf, Sight};
 use crate::transfer::Counts;
 
 use super::filter::FilterTable;
 use super::lattice::Lattice;
 use super::receiver::{Allowance, Part};
-use super::tree::{Leaf, Sight};
 use super::{Control, Order, Picture, View};
 
 /// Samples of a pixel that needs more than one: a Hammersley set, in which every row, every column

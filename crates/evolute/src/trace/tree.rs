@@ -1,23 +1,28 @@
-//! What the eye sees along one ray: a tree through mirrors and boundaries down to diffuse surfaces.
+//! What is seen along one ray: a tree through mirrors and boundaries down to diffuse surfaces.
 //!
 //! At a boundary both branches are followed; a mirror with a diffuse part contributes that part and
 //! the chain goes on. Radiance crosses a boundary from n₂ into n₁ by the factor T (n₁/n₂)². A branch
 //! ends on a surface that sends nothing on, in the open, after the longest chain allowed, or where its
 //! throughput falls below a bound; what the last two cut off is added up.
+//!
+//! Backwards the tree is where light goes that leaves along the ray: the same branches, and flux instead of
+//! radiance, without the ratios of n². Of the flux of one unit, what is not in the leaves was absorbed by
+//! specular surfaces or backs, escaped into the open, or is in the branches that were cut.
 
-use crate::geometry::{Point3, Ray, Rgb, UnitVector3};
+use std::ops::{AddAssign, Mul};
+
+use crate::geometry::{Ray, Rgb, UnitVector3};
 use crate::optics::{
     ConductorIndex, DielectricBoundary, Interaction, reflect_direction, refract_direction,
 };
 use crate::scene::{Mirror, Scene, ShapeId};
 use crate::surface::LocalGeometry;
-use crate::trace::{Anchor, Tracer};
 
-use super::camera::CameraRay;
+use super::{Anchor, Hit, Tracer};
 
 /// Where branches end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Limits {
+pub struct Limits {
     /// Longest chain between the eye and a diffuse surface or a lamp [interactions].
     pub max_specular: u32,
     /// Branches of less throughput (the largest channel) are cut.
@@ -30,27 +35,81 @@ pub(super) struct Limits {
 
 /// A diffuse surface that is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Leaf {
+pub struct Leaf {
     /// Identifies the shapes met on the way and what happened there: two rays with the same path
     /// saw the same thing the same way.
     pub path: u64,
     /// Interactions before it.
     pub depth: u32,
-    /// The point [m].
-    pub position: Point3,
+    /// The shape and the point on it.
+    pub anchor: Anchor,
+    /// Whether its front is seen.
+    pub front: bool,
     /// The normal on the side that is seen.
     pub normal: UnitVector3,
     /// Fraction of the surface's radiance that arrives, the ratio of n² included.
     pub throughput: Rgb,
+    /// Fraction of the flux that arrives, and does not go on specularly, if light runs the other way.
+    pub flux: Rgb,
     /// Diffuse reflectance on the side that is seen.
     pub reflectance: Rgb,
-    /// Length of the path from the pinhole [m].
+    /// Length of the path so far [m].
     pub distance: f64,
+}
+
+/// Where a tree begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Trunk<'a> {
+    /// The ray; its direction is of length one.
+    pub ray: Ray,
+    /// How far it goes [m].
+    pub length: f64,
+    /// The surfaces on which it starts.
+    pub start: &'a [Anchor],
+    /// Length of the path before its start [m].
+    pub travelled: f64,
+}
+
+/// Flux that does not come to diffuse surfaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Leaves into the open.
+    pub escaped: Rgb,
+    /// Is absorbed by surfaces that are not diffuse.
+    pub absorbed: Rgb,
+    /// Is in branches that were cut.
+    pub cut: Rgb,
+}
+
+impl Losses {
+    /// All of it.
+    pub fn sum(&self) -> Rgb {
+        self.escaped + self.absorbed + self.cut
+    }
+}
+
+impl AddAssign for Losses {
+    fn add_assign(&mut self, other: Self) {
+        self.escaped += other.escaped;
+        self.absorbed += other.absorbed;
+        self.cut += other.cut;
+    }
+}
+
+impl Mul<Rgb> for Losses {
+    type Output = Self;
+    fn mul(self, factor: Rgb) -> Self {
+        Self {
+            escaped: self.escaped * factor,
+            absorbed: self.absorbed * factor,
+            cut: self.cut * factor,
+        }
+    }
 }
 
 /// What one ray sees.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Sight {
+pub struct Sight {
     /// Diffuse surfaces in the order of the tree, the reflected branch first.
     pub leaves: Vec<Leaf>,
     /// Radiance of lamps seen [W/(m² sr)].
@@ -60,90 +119,138 @@ pub(super) struct Sight {
     /// Throughput of the branches that were cut (largest channel), a factor on radiance in the medium
     /// where they were.
     pub cut: f64,
+    /// Where the rest goes if light runs the other way, of one unit of flux: what does not come to a specular
+    /// surface, and what does.
+    pub losses: [Losses; 2],
     /// Rays traced.
     pub rays: u64,
 }
 
-/// A ray still to be traced.
-struct Branch {
-    ray: Ray,
-    length: f64,
-    start: Option<Anchor>,
+/// What a branch has behind it.
+struct Stem {
     throughput: Rgb,
+    flux: Rgb,
     path: u64,
     depth: u32,
     distance: f64,
 }
 
-/// Follows `first` through the scene.
-pub(super) fn sight(tracer: &Tracer<'_>, first: &CameraRay, limits: &Limits) -> Sight {
-    let scene = tracer.scene();
+/// A ray still to be traced.
+struct Branch {
+    ray: Ray,
+    start: Anchor,
+    stem: Stem,
+}
+
+/// One of the ways on from a surface.
+struct Way {
+    interaction: Interaction,
+    direction: UnitVector3,
+    /// Factor on radiance.
+    factor: Rgb,
+    /// Factor on the flux if light runs the other way.
+    share: Rgb,
+}
+
+/// Follows a trunk through the scene.
+pub fn sight(tracer: &Tracer<'_>, trunk: &Trunk<'_>, limits: &Limits) -> Sight {
     let mut sight = Sight { signature: SEED, ..Sight::default() };
-    let mut branches = vec![Branch {
-        ray: first.ray(),
-        length: first.length,
-        start: None,
+    let mut branches = Vec::new();
+    let whole = Stem {
         throughput: Rgb::WHITE,
+        flux: Rgb::WHITE,
         path: SEED,
         depth: 0,
-        distance: first.travelled,
-    }];
-    while let Some(branch) = branches.pop() {
-        sight.rays += 1;
-        let Some(hit) = tracer.nearest(&branch.ray, branch.length, branch.start.as_slice()) else {
-            sight.signature = mixed(sight.signature, branch.path);
-            continue;
+        distance: trunk.travelled,
+    };
+    let hit = tracer.nearest(&trunk.ray, trunk.length, trunk.start);
+    sight.meet(tracer.scene(), &whole, &trunk.ray, hit, limits, &mut branches);
+    while let Some(Branch { ray, start, stem }) = branches.pop() {
+        let hit = tracer.nearest(&ray, f64::INFINITY, &[start]);
+        sight.meet(tracer.scene(), &stem, &ray, hit, limits, &mut branches);
+    }
+    sight
+}
+
+impl Sight {
+    /// Adds what a branch meets at its end, and puts what goes on from there on the pile.
+    fn meet(
+        &mut self,
+        scene: &Scene,
+        stem: &Stem,
+        ray: &Ray,
+        hit: Option<Hit>,
+        limits: &Limits,
+        branches: &mut Vec<Branch>,
+    ) {
+        self.rays += 1;
+        let Some(hit) = hit else {
+            self.signature = mixed(self.signature, stem.path);
+            self.losses[usize::from(stem.depth > 0)].escaped += stem.flux;
+            return;
         };
         let shape = scene.shape(hit.anchor.shape);
-        let distance = branch.distance + hit.t;
+        let distance = stem.distance + hit.t;
         let Some(local) = shape.surface.local(&hit.anchor.point) else {
             // A point without a normal (a degenerate corner) sends nothing to anyone.
-            continue;
+            self.losses[usize::from(stem.depth > 0)].absorbed += stem.flux;
+            return;
         };
-        let seen = Seen::new(hit.anchor, &local, &branch.ray);
-        let path = mixed(branch.path, 2 * u64::from(hit.anchor.shape.0) + u64::from(seen.front));
-        sight.signature = mixed(sight.signature, path);
+        let seen = Seen::new(hit.anchor, &local, ray);
+        let path = mixed(stem.path, 2 * u64::from(hit.anchor.shape.0) + u64::from(seen.front));
+        self.signature = mixed(self.signature, path);
         if seen.front && limits.lamps {
-            sight.emitted += branch.throughput * shape.radiance;
+            self.emitted += stem.throughput * shape.radiance;
         }
-        let side = if seen.front { shape.material.front } else { shape.material.back };
-        if !side.diffuse.is_black() {
-            if branch.throughput.max() >= limits.diffuse_throughput {
-                sight.leaves.push(Leaf {
-                    path,
-                    depth: branch.depth,
-                    position: hit.anchor.point.x,
-                    normal: seen.normal,
-                    throughput: branch.throughput,
-                    reflectance: side.diffuse,
-                    distance,
-                });
-            } else {
-                sight.cut += branch.throughput.max();
-            }
-        }
+        // What does not go on specularly stays here.
+        let mut stays = stem.flux;
+        let mut specular = stem.depth > 0;
         // The refracted branch is put on the pile first, so that it is taken second.
-        for (interaction, direction, factor) in seen.branches(scene) {
-            let throughput = branch.throughput * factor;
+        for way in seen.ways(scene) {
+            let throughput = stem.throughput * way.factor;
             if throughput.max() <= 0.0 {
                 continue;
             }
-            if throughput.max() < limits.throughput || branch.depth >= limits.max_specular {
-                sight.cut += throughput.max();
+            let flux = stem.flux * way.share;
+            stays = stays - flux;
+            specular = true;
+            if throughput.max() < limits.throughput || stem.depth >= limits.max_specular {
+                self.cut += throughput.max();
+                self.losses[1].cut += flux;
                 continue;
             }
             branches.push(Branch {
-                ray: Ray::new(hit.anchor.point.x, direction.into_inner()),
-                length: f64::INFINITY,
-                start: Some(hit.anchor),
-                throughput,
-                path: mixed(path, u64::from(interaction == Interaction::Refraction)),
-                depth: branch.depth + 1,
+                ray: Ray::new(hit.anchor.point.x, way.direction.into_inner()),
+                start: hit.anchor,
+                stem: Stem {
+                    throughput,
+                    flux,
+                    path: mixed(path, u64::from(way.interaction == Interaction::Refraction)),
+                    depth: stem.depth + 1,
+                    distance,
+                },
+            });
+        }
+        let side = if seen.front { shape.material.front } else { shape.material.back };
+        if side.diffuse.is_black() {
+            self.losses[usize::from(specular)].absorbed += stays;
+        } else if stem.throughput.max() < limits.diffuse_throughput {
+            self.cut += stem.throughput.max();
+            self.losses[usize::from(stem.depth > 0)].cut += stays;
+        } else {
+            self.leaves.push(Leaf {
+                path,
+                depth: stem.depth,
+                anchor: hit.anchor,
+                front: seen.front,
+                normal: seen.normal,
+                throughput: stem.throughput,
+                flux: stays,
+                reflectance: side.diffuse,
                 distance,
             });
         }
     }
-    sight
 }
 
 /// A surface as a ray meets it.
@@ -166,11 +273,8 @@ impl Seen {
         Self { shape: anchor.shape, front, normal, direction, cos_i: -normal.dot(&direction) }
     }
 
-    /// Where light goes on specularly, and the factor on radiance: the refraction, if any, first.
-    fn branches(
-        &self,
-        scene: &Scene,
-    ) -> impl Iterator<Item = (Interaction, UnitVector3, Rgb)> + use<> {
+    /// Where light goes on specularly: the refraction, if any, first.
+    fn ways(&self, scene: &Scene) -> impl Iterator<Item = Way> + use<> {
         let material = &scene.shape(self.shape).material;
         let mut reflected = Rgb::BLACK;
         let mut refracted = None;
@@ -183,8 +287,13 @@ impl Seen {
                 let (reflectance, transmittance) = fresnel.split(self.cos_i);
                 reflected += boundary.reflectance * reflectance;
                 refracted = refract_direction(&self.direction, &self.normal, n1, n2).map(|r| {
-                    let factor = transmittance * (n1 / n2) * (n1 / n2);
-                    (Interaction::Refraction, r.direction, boundary.transmittance * factor)
+                    let share = boundary.transmittance * transmittance;
+                    Way {
+                        interaction: Interaction::Refraction,
+                        direction: r.direction,
+                        factor: share * ((n1 / n2) * (n1 / n2)),
+                        share,
+                    }
                 });
             }
             let side = if self.front { &material.front } else { &material.back };
@@ -192,9 +301,12 @@ impl Seen {
                 reflected += mirror_reflectance(mirror, self.cos_i);
             }
         }
-        let direction = reflect_direction(&self.direction, &self.normal);
-        let reflection =
-            (!reflected.is_black()).then_some((Interaction::Reflection, direction, reflected));
+        let reflection = (!reflected.is_black()).then(|| Way {
+            interaction: Interaction::Reflection,
+            direction: reflect_direction(&self.direction, &self.normal),
+            factor: reflected,
+            share: reflected,
+        });
         refracted.into_iter().chain(reflection)
     }
 }
@@ -226,7 +338,7 @@ fn mixed(history: u64, next: u64) -> u64 {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::geometry::Vector3;
+    use crate::geometry::{Point3, Vector3};
     use crate::scene::load_str;
 
     const LIMITS: Limits =
@@ -238,10 +350,9 @@ mod tests {
     }
 
     fn look(scene: &Scene, origin: [f64; 3], towards: [f64; 3], limits: &Limits) -> Sight {
-        let origin = Point3::from(origin);
-        let direction = UnitVector3::new_normalize(Vector3::from(towards));
-        let first = CameraRay { origin, direction, travelled: 0.5, length: f64::INFINITY };
-        sight(&Tracer::new(scene), &first, limits)
+        let ray = Ray::new(Point3::from(origin), Vector3::from(towards).normalize());
+        let trunk = Trunk { ray, length: f64::INFINITY, start: &[], travelled: 0.5 };
+        sight(&Tracer::new(scene), &trunk, limits)
     }
 
     /// Directions all around.
@@ -323,7 +434,7 @@ mod tests {
         assert_eq!((ceiling.depth, ceiling.normal), (1, -Vector3::z_axis()));
         let length = 3.0 * (1.01f64).sqrt() + 0.5;
         assert!((ceiling.distance - length).abs() < 1e-12);
-        assert!((ceiling.position - Point3::new(0.3, 0.0, 2.0)).norm() < 1e-12);
+        assert!((ceiling.anchor.point.x - Point3::new(0.3, 0.0, 2.0)).norm() < 1e-12);
         // The diffuse part alone, if chains are forbidden; what is cut is told.
         let short = Limits { max_specular: 0, ..LIMITS };
         let sight = look(&scene, [0.0, 0.0, 1.0], [0.1, 0.0, -1.0], &short);
