@@ -38,9 +38,7 @@ impl Solver<'_> {
         let lamps: Vec<Rgb> = solution.lamp_light().collect();
         let vertices: Vec<(usize, u32, u32)> = solution.vertices().collect();
         let radiosity = |leaf: &Leaf| {
-            let surface = &tracer.scene().shape(leaf.anchor.shape).surface;
-            let site = surface.chart_point(&leaf.anchor.point);
-            let known = solution.radiosity_at(leaf.anchor.shape, leaf.front, &site);
+            let known = solution.radiosity_seen(tracer.scene(), leaf);
             known.map_or(Rgb::BLACK, |b| b + leaf.reflectance * ambient)
         };
         let rows: Vec<(BoundRow, Fate, u64)> = vertices

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::Sheet;
 use super::transport::Patch;
 use crate::geometry::Rgb;
-use crate::scene::ShapeId;
+use crate::scene::{Scene, ShapeId};
 use crate::surface::ChartPoint;
 use crate::trace::Tracer;
 use crate::trace::tree::Leaf;
@@ -97,9 +97,10 @@ impl<'s> Solution<'s> {
         Some((self.patch_of[sheet][place.triangle as usize], place.weights))
     }
 
-    /// Radiosity reflected at a surface point so far [W/m²]; `None` if that side is not diffuse.
-    pub fn radiosity_at(&self, shape: ShapeId, front: bool, site: &ChartPoint) -> Option<Rgb> {
-        let (patch, weights) = self.locate(shape, front, site)?;
+    /// Radiosity reflected so far where a ray tree ends [W/m²]; `None` if that side is not diffuse.
+    pub(super) fn radiosity_seen(&self, scene: &Scene, leaf: &Leaf) -> Option<Rgb> {
+        let site = scene.shape(leaf.anchor.shape).surface.chart_point(&leaf.anchor.point);
+        let (patch, weights) = self.locate(leaf.anchor.shape, leaf.front, &site)?;
         let mut sum = Rgb::BLACK;
         for (v, w) in self.patches[patch as usize].vertices.iter().zip(weights) {
             sum += self.radiosity[*v as usize] * w;
@@ -140,11 +141,7 @@ impl<'s> Solution<'s> {
         receiver: &Receiver,
         settings: &HemisphereSettings,
     ) -> Gathered {
-        let radiosity = |leaf: &Leaf| {
-            let surface = &tracer.scene().shape(leaf.anchor.shape).surface;
-            let site = surface.chart_point(&leaf.anchor.point);
-            self.radiosity_at(leaf.anchor.shape, leaf.front, &site).unwrap_or_default()
-        };
+        let radiosity = |leaf: &Leaf| self.radiosity_seen(tracer.scene(), leaf).unwrap_or_default();
         let start = tracer.contacts(&receiver.position);
         gather(tracer, receiver, &start, &radiosity, settings)
     }

@@ -4,6 +4,8 @@
 //! that is what a shot of a triangle needs (Yu & Wu, 3.2). Straight links and those by specular chains are
 //! kept apart, for diffuse and specular iterations.
 
+use std::ops::AddAssign;
+
 use crate::geometry::Rgb;
 use crate::trace::tree::Losses;
 use crate::transfer::Row;
@@ -52,22 +54,21 @@ impl BoundRow {
                 specular.push((patch, corners.map(|c| link.weight * c)));
             }
         }
-        straight.sort_by_key(|e| e.0);
-        specular.sort_by_key(|e| e.0);
-        straight.dedup_by(|b, a| {
-            a.0 == b.0 && {
-                (0..3).for_each(|i| a.1[i] += b.1[i]);
-                true
-            }
-        });
-        specular.dedup_by(|b, a| {
-            a.0 == b.0 && {
-                (0..3).for_each(|i| a.1[i] += b.1[i]);
-                true
-            }
-        });
-        Self { straight, specular }
+        Self { straight: merged(straight), specular: merged(specular) }
     }
+}
+
+/// Entries in the order of their patches, those of the same patch added up.
+fn merged<W: Copy + AddAssign>(mut entries: Vec<(Patch, [W; 3])>) -> Vec<(Patch, [W; 3])> {
+    entries.sort_by_key(|e| e.0);
+    entries.dedup_by(|next, kept| {
+        let same = next.0 == kept.0;
+        if same {
+            kept.1.iter_mut().zip(next.1).for_each(|(sum, w)| *sum += w);
+        }
+        same
+    });
+    entries
 }
 
 /// Where the flux of a vertex goes, as fractions: straight, and to specular surfaces.
