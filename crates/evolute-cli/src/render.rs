@@ -10,7 +10,9 @@ use evolute::output::{
     replace_file,
 };
 use evolute::trace::Tracer;
-use evolute::view::{Control, Order, Picture, ViewSettings};
+use evolute::solve::{Solver, SolverSettings};
+use evolute::transfer::{Control, Order};
+use evolute::view::{Mode, Picture, ViewSettings};
 
 use crate::failure::Failure;
 use crate::options::{self, Common};
@@ -76,7 +78,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     };
     let tracer = Tracer::new(&scene);
     let transfer = session::transfer_settings(&scene, common);
-    let settings = ViewSettings { transfer, size: arguments.size };
+    let settings = ViewSettings { transfer, size: arguments.size, mode: Mode::default() };
     summary.lap("prepare");
 
     session::begin_work();
@@ -91,9 +93,15 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
                 Order::Go
             }
         },
-        progress: &|done, total| progress.set(done, total),
+        progress: &|_, done, total| progress.set(done, total),
     };
-    let picture = evolute::view::render(&scene, &tracer, sensor, &settings, &control);
+    let solver_settings = SolverSettings { transfer, ..SolverSettings::default() };
+    let mut solver = Solver::new(&scene, &tracer, &solver_settings, &control).ok_or(Failure::Interrupted)?;
+    summary.lap("prepare_solution");
+    while solver.step().is_some() {}
+    let seconds = summary.lap("solve");
+    session::detail(common, &format!("solution in {seconds:.1} s: {:?}\n{:?}", solver.counts(), solver.ledger()));
+    let picture = evolute::view::render(&scene, &tracer, sensor, Some(solver.solution()), &settings, &control);
     drop(progress);
     let picture = picture.ok_or(Failure::Interrupted)?;
     let seconds = summary.lap("compute");
@@ -220,12 +228,10 @@ fn raster(picture: Picture, factor: f32) -> Raster {
     let mut raster = Raster::new(picture.width, picture.height);
     let scaled = |v: [f32; 3]| v.map(|x| x * factor);
     raster.push_rgb("", picture.radiance().map(scaled));
-    let size = picture.width * picture.height;
     for (name, layer) in [
         ("direct", picture.direct),
         ("specular", picture.specular),
-        // Not computed yet; there, so that readers find every layer.
-        ("indirect", vec![[0.0; 3]; size]),
+        ("indirect", picture.indirect),
         ("emitted", picture.emitted),
         ("irradiance", picture.irradiance),
     ] {

@@ -20,6 +20,8 @@ pub type Vector3 = nalgebra::Vector3<f64>;
 pub type UnitVector3 = nalgebra::Unit<Vector3>;
 /// A linear map of space.
 pub type Matrix3 = nalgebra::Matrix3<f64>;
+/// A row of it.
+pub type RowVector3 = nalgebra::RowVector3<f64>;
 /// An affine map in homogeneous coordinates.
 pub type Matrix4 = nalgebra::Matrix4<f64>;
 /// A linear map of a tangent plane.

@@ -257,6 +257,11 @@ impl<'s> TriangleMesh<'s> {
         (0u32..).zip(&self.triangles).filter(|(_, t)| t.cut.is_none()).map(|(i, _)| i)
     }
 
+    /// Whether a triangle is not cut.
+    pub fn is_whole(&self, triangle: u32) -> bool {
+        self.triangles[triangle as usize].cut.is_none()
+    }
+
     /// Corners of a triangle.
     pub fn corners(&self, triangle: u32) -> [u32; 3] {
         self.triangles[triangle as usize].vertices
@@ -265,6 +270,11 @@ impl<'s> TriangleMesh<'s> {
     /// ∫ φ dA of the linear function of each corner of a triangle [m²]; their sum is its area.
     pub fn weights(&self, triangle: u32) -> [f64; 3] {
         self.triangles[triangle as usize].weights
+    }
+
+    /// The triangle on the other side of an edge.
+    pub fn next(&self, triangle: u32, edge: usize) -> Option<u32> {
+        self.triangles[triangle as usize].neighbours[edge].map(|side| side.triangle)
     }
 
     /// The vertex opposite an edge of a triangle, in the triangle on its other side.

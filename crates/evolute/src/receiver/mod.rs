@@ -2,6 +2,8 @@
 //! (Yu & Wu, 3.5).
 
 mod mesh;
+mod quadratic;
 mod roots;
 
 pub use mesh::{Place, TriangleMesh, Vertex};
+pub use quadratic::{Stencil, merged, within};

@@ -2,75 +2,80 @@
 
 use rayon::prelude::*;
 
+use super::growth::{Growth, Light, Rule, grow};
+use super::rows::ambient;
 use super::{Sheet, SolverSettings};
 use crate::geometry::Rgb;
 use crate::receiver::TriangleMesh;
 use crate::scene::Scene;
 use crate::trace::tree::{Limits, Losses};
 use crate::trace::{Anchor, Tracer};
-use crate::transfer::{HemisphereSettings, Receiver, Transfer, gather};
+use crate::transfer::{
+    Components, Control, HemisphereSettings, Order, Receiver, ReceiverLight, Transfer, gather,
+};
 
 /// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy.
-const INTERPOLATION: f64 = 0.5;
+const INTERPOLATION: f64 = 0.25;
 
-/// Each round cuts the worst triangles that have this part of the error.
-const EACH_ROUND: f64 = 0.5;
+/// The same of the light at a place.
+const LOCAL: f64 = 0.5;
 
-/// Lights all vertices, and cuts triangles, the worst first, until the flux that linear interpolation is
-/// wrong by, summed without regard to sign, is a part of the accuracy; no edge becomes shorter than a
-/// fixed part of the first ones.
-pub(super) fn illuminate(
-    sheets: &mut [Sheet<'_>],
-    transfer: &Transfer<'_>,
-    tracer: &Tracer<'_>,
-    shortest: f64,
-    settings: &SolverSettings,
-) {
-    loop {
-        light_new(sheets, transfer, tracer);
-        let received: f64 = sheets.iter().map(Sheet::received).sum();
-        let mut errors: Vec<(f64, usize, u32)> = Vec::new();
-        for (i, sheet) in sheets.iter().enumerate() {
-            errors.extend(sheet.mesh.triangles().map(|t| (sheet.interpolation_error(t), i, t)));
-        }
-        let sum: f64 = errors.iter().map(|e| e.0).sum();
-        let vertices: usize = sheets.iter().map(|s| s.mesh.vertices().len()).sum();
-        if sum <= INTERPOLATION * settings.transfer.relative * received
-            || vertices >= settings.max_vertices
-        {
-            return;
-        }
-        errors.retain(|&(_, i, t)| sheets[i].mesh.longest_edge(t).1 >= 2.0 * shortest);
-        errors.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let mut left = EACH_ROUND * sum;
-        for &(error, i, t) in &errors {
-            if left <= 0.0 || error <= 0.0 {
-                break;
-            }
-            let longest = sheets[i].mesh.longest_edge(t).0;
-            sheets[i].mesh.cut(t, longest, 0.5);
-            left -= error;
-        }
-        if sheets.iter().map(|s| s.mesh.vertices().len()).sum::<usize>() == vertices {
-            return;
+impl Light for ReceiverLight {
+    fn luminance(&self) -> f64 {
+        (self.direct + self.specular).luminance()
+    }
+
+    fn in_all(&self) -> f64 {
+        self.luminance()
+    }
+
+    fn between(a: &Self, b: &Self, fraction: f64) -> Self {
+        let of = |a: Rgb, b: Rgb| a * (1.0 - fraction) + b * fraction;
+        Self {
+            direct: of(a.direct, b.direct),
+            specular: of(a.specular, b.specular),
+            error: a.error.max(b.error),
+            met: false,
+            stopped: true,
+            ..Self::default()
         }
     }
 }
 
-/// Lights the vertices that are not lit yet.
-fn light_new(sheets: &mut [Sheet<'_>], transfer: &Transfer<'_>, tracer: &Tracer<'_>) {
-    let missing: Vec<(usize, u32)> = sheets
-        .iter()
-        .enumerate()
-        .flat_map(|(i, s)| {
-            (s.lamps.len() as u32..s.mesh.vertices().len() as u32).map(move |v| (i, v))
-        })
-        .collect();
-    let lights: Vec<_> =
-        missing.par_iter().map(|&(i, v)| sheets[i].light(transfer, tracer, v)).collect();
-    for ((i, _), light) in missing.into_iter().zip(lights) {
-        sheets[i].lamps.push(light);
-    }
+/// Meshes lit by lamps, with first triangles of about `edge` [m]; whether there was time for it.
+pub(super) fn illuminate<'s>(
+    scene: &'s Scene,
+    sheets: &[Sheet],
+    transfer: &Transfer<'_>,
+    tracer: &Tracer<'_>,
+    edge: f64,
+    settings: &SolverSettings,
+    control: &Control<'_>,
+) -> (Vec<Growth<'s, ReceiverLight>>, bool) {
+    let of = |sheet: &Sheet| Growth {
+        mesh: TriangleMesh::new(&scene.shape(sheet.shape).surface, edge),
+        light: Vec::new(),
+    };
+    let mut growths: Vec<_> = sheets.iter().map(of).collect();
+    let relative = settings.transfer.relative;
+    let surfaces = sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
+    let ambient = ambient(scene.emitted_flux(), surfaces).luminance();
+    let rule = Rule {
+        stage: "light of lamps",
+        allowed: &|received| INTERPOLATION * relative * received,
+        shortest: super::SHORTEST * edge,
+        allowed_here: &|light| LOCAL * relative * (light + ambient),
+        fine: super::FINE * edge,
+        max_vertices: settings.max_vertices,
+    };
+    let stop = || (control.order)() != Order::Go;
+    let both = Components { direct: true, specular: true };
+    let whole = grow(&mut growths, &rule, control, &|sheet, mesh, vertex| {
+        let (receiver, _) = sheets[sheet].receiver(tracer, mesh, vertex);
+        let light = transfer.light_until(&receiver, both, 0.0, &stop);
+        (!light.stopped).then_some(light)
+    });
+    (growths, whole)
 }
 
 /// What of the lamps' flux does not come to diffuse surfaces [W]: by directions from points of their own.

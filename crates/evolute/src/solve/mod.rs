@@ -10,25 +10,34 @@
 //! | `unshot_rad` | that less what a patch's corner has shot straight |
 //! | `unshot_specular_rad` | that less what a patch's corner has shot by specular chains |
 //! | `tmp_specular_rad` | what all vertices receive in a specular iteration, given to them at its end |
+//!
+//! Patches are the triangles of two layers of meshes: those that lamps light, which shoot once, and those that
+//! reflected light is received on, which shoot what they have received (`layer.rs`).
 
-mod balance;
+mod growth;
 mod lamps;
+mod layer;
 mod ledger;
 mod rows;
 mod sheet;
 mod solution;
+mod source;
 mod transport;
+
+use rayon::prelude::*;
 
 use crate::geometry::Rgb;
 use crate::scene::Scene;
 use crate::trace::Tracer;
 use crate::trace::tree::{Limits, Losses};
-use crate::transfer::{LONGEST_CHAIN, Transfer, TransferSettings};
+use crate::transfer::{Control, LONGEST_CHAIN, Order, Transfer, TransferSettings};
 
+pub use layer::Layer;
 pub use ledger::Ledger;
 pub use sheet::Sheet;
-pub use solution::Solution;
-use transport::{Fate, Patch, Transport};
+pub use solution::{LightParts, Solution};
+use source::{Source, Way};
+use transport::{BoundRow, Fate, Patch, Transport};
 
 /// Who shoots next, and how far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -82,16 +91,16 @@ pub struct SolverCounts {
     pub diffuse: u64,
     /// Specular iterations.
     pub specular: u64,
-    /// Triangles that shoot.
-    pub patches: usize,
-    /// Vertices that receive.
-    pub vertices: usize,
+    /// Triangles that shoot: the lamps' light, and what was reflected before.
+    pub patches: [usize; 2],
+    /// Vertices that receive: lamps' light, and reflected light.
+    pub vertices: [usize; 2],
     /// Pairs of a patch and a vertex that it lights: straight, and by specular chains.
     pub links: [usize; 2],
     /// Rays traced to find them.
     pub rays: u64,
-    /// Mean change of a link, as a part of it, that makes transport conserve flux.
-    pub balance: f64,
+    /// What shots were scaled by to conserve flux, less 1, without regard to sign; mean over all flux shot.
+    pub correction: f64,
 }
 
 /// What to do next.
@@ -99,22 +108,27 @@ enum Plan {
     /// Nothing: what waits does not matter.
     Rest,
     /// Patches to shoot, the last first.
-    Diffuse(Vec<Patch>),
+    Diffuse(Vec<Shooter>),
     Specular,
 }
+
+/// A patch of one of the two layers: 0 that of lamps' light, 1 that of reflected light.
+type Shooter = (usize, Patch);
 
 /// The loop, and the only state that changes.
 pub struct Solver<'s> {
     settings: SolverSettings,
     solution: Solution<'s>,
-    transport: Transport,
-    /// By patch and corner: radiosity that was shot, straight and by specular chains.
-    shot: Vec<[Rgb; 3]>,
-    shot_specular: Vec<[Rgb; 3]>,
+    sources: [Source; 2],
     /// Patches to shoot next, the last first.
-    agenda: Vec<Patch>,
+    agenda: Vec<Shooter>,
     ledger: Ledger,
     counts: SolverCounts,
+    /// All flux shot so far, its luminance [W].
+    shot: f64,
+    /// What the lamps' shots lost or won [W].
+    first_discretisation: Rgb,
+    complete: bool,
 }
 
 /// Branches of a ray tree of less throughput than this part of the accuracy are cut.
@@ -129,105 +143,174 @@ const FIRST_TRIANGLES: f64 = 2000.0;
 /// Shortest edges of triangles, as a part of the first ones.
 const SHORTEST: f64 = 1.0 / 32.0;
 
+/// Edges down to which triangles are cut wherever light is not linear, as a part of the first ones.
+const FINE: f64 = 1.0 / 8.0;
+
 impl<'s> Solver<'s> {
-    /// Makes meshes, lights them from lamps, and gathers rows.
-    pub fn new(scene: &'s Scene, tracer: &'s Tracer<'s>, settings: &SolverSettings) -> Self {
+    /// Makes meshes, lights them from lamps, and gathers rows. `None` if `control` says [`Order::Abandon`].
+    pub fn new(
+        scene: &'s Scene,
+        tracer: &Tracer<'_>,
+        settings: &SolverSettings,
+        control: &Control<'_>,
+    ) -> Option<Self> {
         let edge = settings.edge.unwrap_or_else(|| (scene.surface_area() / FIRST_TRIANGLES).sqrt());
         let transfer = Transfer::new(scene, tracer, settings.transfer);
-        let mut sheets = Sheet::all(scene, edge);
-        lamps::illuminate(&mut sheets, &transfer, tracer, SHORTEST * edge, settings);
-        let solution = Solution::new(sheets);
+        let sheets = Sheet::all(scene);
+        let (lit, whole) =
+            lamps::illuminate(scene, &sheets, &transfer, tracer, edge, settings, control);
+        let mut complete = whole;
+        let lamp_error: Vec<f64> = lit.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
+        let parts: Vec<_> = lit.iter().flat_map(|g| g.light.iter().copied()).collect();
+        let irradiance = parts.iter().map(|l| l.direct + l.specular).collect();
+        let meshes = lit.into_iter().map(|g| g.mesh).collect();
+        let mut lamps = Layer::new(&sheets, meshes, irradiance, lamp_error);
+        lamps.bend();
+        let mut solution = Solution::new(sheets, lamps, parts);
+        if (control.order)() == Order::Abandon {
+            return None;
+        }
+        let mut counts = SolverCounts::default();
+        let limits = limits(settings);
+        let (seen, whole) =
+            rows::gather_rows(scene, tracer, &solution, &limits, edge, settings, control);
+        complete &= whole;
+        if (control.order)() == Order::Abandon {
+            return None;
+        }
+        let error: Vec<f64> = seen.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
+        let (mut rows, mut fates, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
+        for g in seen {
+            meshes.push(g.mesh);
+            for seen in g.light {
+                counts.rays += seen.rays;
+                rows.push(seen.row);
+                fates.push(seen.fate);
+            }
+        }
+        let dark = vec![Rgb::BLACK; rows.len()];
+        solution.reflected = Layer::new(&solution.sheets, meshes, dark, error);
+
+        let lamp_fates = solution
+            .lamps
+            .vertices()
+            .map(|(sheet, v)| {
+                let site = solution.lamps.meshes()[sheet].vertices()[v as usize].site;
+                let (patch, weights) = solution.reflected.locate(sheet, &site);
+                let corners = solution.reflected.patches[patch as usize].vertices;
+                Fate::between(corners.map(|c| &fates[c as usize]), weights)
+            })
+            .collect();
+        let layers = [&solution.lamps, &solution.reflected];
+        let sources = [lamp_fates, fates].into_iter().zip(layers).map(|(fates, layer)| {
+            let bind = |row| BoundRow::new(row, &|sheet, site| layer.locate(sheet, site));
+            let bound: Vec<BoundRow> = rows.par_iter().map(bind).collect();
+            let transport = Transport::new(layer.patches.len(), &bound, fates);
+            Source::new(transport, layer.patches.len(), &solution.reflected.area)
+        });
+        let sources: Vec<Source> = sources.collect();
+        let Ok(sources) = <[Source; 2]>::try_from(sources) else { unreachable!("there are two") };
+        counts.patches = layers.map(|l| l.patches.len());
+        counts.vertices = layers.map(|l| l.area.len());
+        for source in &sources {
+            let links = source.transport.counts();
+            counts.links = [counts.links[0] + links[0], counts.links[1] + links[1]];
+        }
         let mut solver = Self {
             settings: *settings,
-            transport: Transport::default(),
-            shot: vec![[Rgb::BLACK; 3]; solution.patches.len()],
-            shot_specular: vec![[Rgb::BLACK; 3]; solution.patches.len()],
-            agenda: Vec::new(),
-            ledger: Ledger::default(),
-            counts: SolverCounts {
-                patches: solution.patches.len(),
-                vertices: solution.area.len(),
-                ..SolverCounts::default()
-            },
             solution,
+            sources,
+            agenda: Vec::new(),
+            shot: 0.0,
+            first_discretisation: Rgb::BLACK,
+            ledger: Ledger::default(),
+            counts,
+            complete,
         };
         solver.receive_from_lamps(scene, tracer);
-        solver.gather_rows(tracer);
-        solver
+        Some(solver)
     }
 
     /// Lamps have shone: the first shots of all.
     fn receive_from_lamps(&mut self, scene: &Scene, tracer: &Tracer<'_>) {
-        let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
-        let solution = &self.solution;
-        for (v, light) in solution.lamp_light().enumerate() {
-            let flux = light * solution.area[v];
-            received += flux;
-            absorbed += flux - flux * solution.reflectance[v];
-        }
+        let (received, kept) = self.solution.lamps.flux();
         let losses = lamps::losses(scene, tracer, &self.limits());
         self.ledger.emitted = scene.emitted_flux();
-        self.ledger.shoot(scene.emitted_flux(), &losses, received, absorbed);
+        self.ledger.shoot(scene.emitted_flux(), &losses, received, kept);
+        self.first_discretisation = self.ledger.discretisation;
     }
 
-    /// Where branches of ray trees end.
+    /// Where ray trees end.
     pub fn limits(&self) -> Limits {
-        let accuracy = self.settings.transfer.relative;
-        Limits {
-            max_specular: self.settings.transfer.max_specular.min(LONGEST_CHAIN),
-            throughput: THROUGHPUT * accuracy,
-            diffuse_throughput: THROUGHPUT * accuracy,
-            lamps: false,
-        }
+        limits(&self.settings)
     }
 
-    /// What waits at a patch's corners, given what was shot [W/m²].
-    fn unshot(&self, patch: usize, shot: &[[Rgb; 3]]) -> [Rgb; 3] {
-        let vertices = self.solution.patches[patch].vertices;
-        [0, 1, 2].map(|c| self.solution.radiosity[vertices[c] as usize] - shot[patch][c])
+    fn layer(&self, layer: usize) -> &Layer<'s> {
+        if layer == 0 { &self.solution.lamps } else { &self.solution.reflected }
     }
 
-    /// Flux that waits at a patch, straight and towards specular surfaces, its luminance [W].
-    fn waiting(&self, patch: usize) -> [f64; 2] {
-        let corners = &self.solution.patches[patch];
-        let (straight, specular) =
-            (self.unshot(patch, &self.shot), self.unshot(patch, &self.shot_specular));
-        let mut sum = [Rgb::BLACK; 2];
-        for c in 0..3 {
-            let share = self.transport.fates[corners.vertices[c] as usize].straight;
-            sum[0] += straight[c] * share * corners.weights[c];
-            sum[1] += specular[c] * (Rgb::WHITE - share) * corners.weights[c];
-        }
-        sum.map(|s| s.luminance())
+    /// Flux that waits at all patches of a layer, straight and towards specular surfaces, luminances [W].
+    fn waiting(&self, layer: usize) -> Vec<[f64; 2]> {
+        let (source, layer) = (&self.sources[layer], self.layer(layer));
+        (0..layer.patches.len()).map(|p| source.waiting(layer, p)).collect()
     }
 
     /// One turn of the loop of Fig. 4; `None` when what waits no longer matters.
     pub fn step(&mut self) -> Option<Iteration> {
         if self.agenda.is_empty() {
             match self.plan() {
-                Plan::Rest => return None,
+                Plan::Rest => {
+                    self.solution.reflected.bend();
+                    return None;
+                }
                 Plan::Specular => {
-                    self.shoot_specular(0..self.shot.len());
+                    let all =
+                        |l: usize| (0..self.layer(l).patches.len()).map(move |p| (l, p as Patch));
+                    let shooters: Vec<Shooter> = all(0).chain(all(1)).collect();
+                    self.conserve(&shooters, Way::Specular);
+                    self.shoot_specular(&shooters);
                     self.counts.specular += 1;
                     return Some(Iteration::Specular);
                 }
-                Plan::Diffuse(patches) => self.agenda = patches,
+                Plan::Diffuse(shooters) => {
+                    self.conserve(&shooters, Way::Straight);
+                    if self.settings.scheme == Scheme::Joint {
+                        self.conserve(&shooters, Way::Specular);
+                    }
+                    self.agenda = shooters;
+                }
             }
         }
-        let patch = self.agenda.pop()? as usize;
-        self.shoot_straight(patch);
+        let shooter = self.agenda.pop()?;
+        self.shoot_straight(shooter);
         if self.settings.scheme == Scheme::Joint {
-            self.shoot_specular(patch..patch + 1);
+            self.shoot_specular(&[shooter]);
         }
         self.counts.diffuse += 1;
         Some(Iteration::Diffuse)
     }
 
+    /// Finds the factors by which what these shoot one way is conserved.
+    fn conserve(&mut self, shooters: &[Shooter], way: Way) {
+        let owed = self.ledger.discretisation - self.first_discretisation;
+        for layer in [0, 1] {
+            let own = shooters.iter().filter(|s| s.0 == layer);
+            let patches: Vec<usize> = own.map(|s| s.1 as usize).collect();
+            let lit = if layer == 0 { &self.solution.lamps } else { &self.solution.reflected };
+            self.sources[layer].conserve(lit, &patches, way, owed);
+        }
+    }
+
     /// What to do next. Looking for the next shooter costs as much as some shots, so that by flux all shoot
     /// that have at least half of the largest, the largest first.
     fn plan(&self) -> Plan {
-        let all: Vec<[f64; 2]> = (0..self.shot.len()).map(|p| self.waiting(p)).collect();
-        let sums = all.iter().fold([0.0; 2], |sum, w| [sum[0] + w[0], sum[1] + w[1]]);
+        let all = [0, 1].map(|layer| self.waiting(layer));
+        let each = || {
+            all.iter()
+                .enumerate()
+                .flat_map(|(l, of)| of.iter().enumerate().map(move |(p, w)| ((l, p as Patch), *w)))
+        };
+        let sums = each().fold([0.0; 2], |sum, (_, w)| [sum[0] + w[0], sum[1] + w[1]]);
         if sums[0] + sums[1] <= self.negligible() {
             return Plan::Rest;
         }
@@ -235,15 +318,16 @@ impl<'s> Solver<'s> {
         if scheme != Scheme::Joint && sums[1] > sums[0] {
             return Plan::Specular;
         }
-        let key = |patch: usize| match scheme {
+        let key = |(layer, patch): Shooter, waiting: [f64; 2]| match scheme {
             Scheme::Printed => {
-                let unshot = self.unshot(patch, &self.shot);
+                let source = &self.sources[layer];
+                let unshot = source.unshot(self.layer(layer), patch as usize, Way::Straight);
                 unshot.iter().map(Rgb::luminance).sum::<f64>() / 3.0
             }
-            Scheme::Flux => all[patch][0],
-            Scheme::Joint => all[patch][0] + all[patch][1],
+            Scheme::Flux => waiting[0],
+            Scheme::Joint => waiting[0] + waiting[1],
         };
-        let mut keys: Vec<(f64, Patch)> = (0..all.len()).map(|p| (key(p), p as Patch)).collect();
+        let mut keys: Vec<(f64, Shooter)> = each().map(|(s, w)| (key(s, w), s)).collect();
         // Taken from the end; of equals the lower number first.
         keys.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         let largest = keys.last().map_or(0.0, |k| k.0);
@@ -255,77 +339,90 @@ impl<'s> Solver<'s> {
     }
 
     /// Flux that may be left waiting: what it could still bring, mean over all surfaces, is a small part of
-    /// the tolerance there [W].
+    /// the accuracy, of the reflected light alone [W].
     fn negligible(&self) -> f64 {
         let solution = &self.solution;
-        let area: f64 = solution.area.iter().sum();
-        let (mut reflected, mut received) = (0.0, 0.0);
-        for ((v, light), indirect) in solution.lamp_light().enumerate().zip(&solution.indirect) {
-            reflected += solution.reflectance[v].max() * solution.area[v] / area;
-            received += (light + *indirect).luminance() * solution.area[v];
-        }
+        let area: f64 = solution.reflected.area.iter().sum();
+        let each = solution.reflected.reflectance.iter().zip(&solution.reflected.area);
+        let reflected: f64 = each.map(|(r, a)| r.max() * a / area).sum();
+        let received = solution.reflected.flux().0.luminance();
         UNSHOT * self.settings.transfer.relative * received * (1.0 - reflected.min(0.999))
     }
 
     /// A diffuse iteration: one patch shoots straight.
-    fn shoot_straight(&mut self, patch: usize) {
-        let unshot = self.unshot(patch, &self.shot);
-        let corners = self.solution.patches[patch].vertices;
-        self.shot[patch] = corners.map(|v| self.solution.radiosity[v as usize]);
+    fn shoot_straight(&mut self, (layer, patch): Shooter) {
+        let patch = patch as usize;
+        let light = if layer == 0 { &self.solution.lamps } else { &self.solution.reflected };
+        let unshot = self.sources[layer].take(light, patch, Way::Straight);
+        let factor = self.sources[layer].factor(Way::Straight);
         let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
-        for entry in self.transport.straight(patch as Patch) {
+        for entry in self.sources[layer].transport.straight(patch as Patch) {
             let mut light = Rgb::BLACK;
             for c in 0..3 {
                 light += unshot[c] * f64::from(entry.weights[c]);
             }
-            let (flux, kept) = self.solution.receive(entry.vertex as usize, light);
+            light = light * factor;
+            let (flux, kept) = self.solution.reflected.receive(entry.vertex as usize, light);
             received += flux;
             absorbed += kept;
         }
-        self.enter(patch, unshot, 0, received, absorbed);
+        self.enter((layer, patch as Patch), unshot, Way::Straight, received, absorbed);
     }
 
     /// A specular iteration for some patches: all specular surfaces shoot what waits there.
-    fn shoot_specular(&mut self, patches: std::ops::Range<usize>) {
-        let mut light = vec![Rgb::BLACK; self.solution.area.len()];
-        let mut shots = Vec::with_capacity(patches.len());
-        for patch in patches {
-            let unshot = self.unshot(patch, &self.shot_specular);
-            let solution = &self.solution;
-            let corners = solution.patches[patch].vertices;
-            self.shot_specular[patch] = corners.map(|v| solution.radiosity[v as usize]);
+    fn shoot_specular(&mut self, shooters: &[Shooter]) {
+        let mut light = vec![Rgb::BLACK; self.solution.reflected.area.len()];
+        let mut shots = Vec::with_capacity(shooters.len());
+        for &(layer, patch) in shooters {
+            let lit = if layer == 0 { &self.solution.lamps } else { &self.solution.reflected };
+            let unshot = self.sources[layer].take(lit, patch as usize, Way::Specular);
+            let factor = self.sources[layer].factor(Way::Specular);
             let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
-            for entry in self.transport.specular(patch as Patch) {
+            let reflected = &self.solution.reflected;
+            for entry in self.sources[layer].transport.specular(patch) {
                 let v = entry.vertex as usize;
                 let mut own = Rgb::BLACK;
                 for c in 0..3 {
                     own += unshot[c] * Rgb(entry.weights[c].map(f64::from));
                 }
+                own = own * factor;
                 light[v] += own;
-                let flux = own * solution.area[v];
+                let flux = own * reflected.area[v];
                 received += flux;
-                absorbed += flux - flux * solution.reflectance[v];
+                absorbed += flux - flux * reflected.reflectance[v];
             }
-            shots.push((patch, unshot, received, absorbed));
+            shots.push(((layer, patch), unshot, received, absorbed));
         }
         for (v, light) in light.into_iter().enumerate() {
-            self.solution.receive(v, light);
+            self.solution.reflected.receive(v, light);
         }
-        for (patch, unshot, received, absorbed) in shots {
-            self.enter(patch, unshot, 1, received, absorbed);
+        for (shooter, unshot, received, absorbed) in shots {
+            self.enter(shooter, unshot, Way::Specular, received, absorbed);
         }
     }
 
-    /// Enters a shot into the ledger: straight (0) or by specular chains (1).
-    fn enter(&mut self, patch: usize, unshot: [Rgb; 3], way: usize, received: Rgb, absorbed: Rgb) {
-        let corners = self.solution.patches[patch];
+    /// Enters a shot into the ledger.
+    fn enter(
+        &mut self,
+        (layer, patch): Shooter,
+        unshot: [Rgb; 3],
+        way: Way,
+        received: Rgb,
+        absorbed: Rgb,
+    ) {
+        let corners = self.layer(layer).patches[patch as usize];
         let (mut shot, mut losses) = (Rgb::BLACK, Losses::default());
         for c in 0..3 {
-            let fate: &Fate = &self.transport.fates[corners.vertices[c] as usize];
+            let fate: &Fate = &self.sources[layer].transport.fates[corners.vertices[c] as usize];
             let flux = unshot[c] * corners.weights[c];
-            let share = if way == 0 { fate.straight } else { Rgb::WHITE - fate.straight };
-            shot += flux * share;
-            losses += fate.losses[way] * flux;
+            shot += flux * fate.share(way);
+            losses += fate.losses[way as usize] * flux;
+        }
+        let corrected = (self.sources[layer].factor(way) - Rgb::WHITE).map(f64::abs).luminance();
+        let flux = shot.luminance();
+        if flux > 0.0 {
+            self.shot += flux;
+            self.counts.correction += (corrected - self.counts.correction) * flux / self.shot;
         }
         self.ledger.unshot = self.ledger.unshot - shot;
         self.ledger.shoot(shot, &losses, received, absorbed);
@@ -344,5 +441,20 @@ impl<'s> Solver<'s> {
     /// What there is so far.
     pub fn solution(&self) -> &Solution<'s> {
         &self.solution
+    }
+
+    /// Whether there was time for meshes and rows as fine as asked for.
+    pub fn is_complete(&self) -> bool {
+        self.complete
+    }
+}
+
+fn limits(settings: &SolverSettings) -> Limits {
+    let accuracy = settings.transfer.relative;
+    Limits {
+        max_specular: settings.transfer.max_specular.min(LONGEST_CHAIN),
+        throughput: THROUGHPUT * accuracy,
+        diffuse_throughput: THROUGHPUT * accuracy,
+        lamps: false,
     }
 }

@@ -1,69 +1,128 @@
-//! What every vertex sees, gathered once.
+//! What every vertex of the reflected light's meshes sees, gathered once.
 
-use rayon::prelude::*;
-
-use super::Solver;
-use super::balance::balance;
-use super::transport::{BoundRow, Fate, Transport};
+use super::growth::{Growth, Light, Rule, grow};
+use super::transport::{Fate, StoredRow};
+use super::{Sheet, Solution, SolverSettings};
 use crate::geometry::Rgb;
+use crate::receiver::TriangleMesh;
+use crate::scene::Scene;
 use crate::trace::Tracer;
-use crate::trace::tree::Leaf;
-use crate::transfer::{HemisphereSettings, gather};
+use crate::trace::tree::{Leaf, Limits};
+use crate::transfer::{Control, HemisphereSettings, gather};
 
 /// Part of the tolerance that is for the cubature of reflected light.
-const GATHERING: f64 = 0.25;
+const GATHERING: f64 = 0.5;
+
+/// Part of all flux that linear interpolation may be wrong by, in units of the accuracy.
+const INTERPOLATION: f64 = 0.25;
+
+/// The same of reflected light at a place.
+const LOCAL: f64 = 0.5;
 
 /// Most samples of a row.
 const MAX_SAMPLES: usize = 20_000;
 
-impl Solver<'_> {
-    /// Mean irradiance of diffuse surfaces that reflected light must come to, roughly [W/m²].
-    fn ambient(&self) -> Rgb {
-        let solution = &self.solution;
-        let area: f64 = solution.area.iter().sum();
-        let mut reflectance = Rgb::BLACK;
-        for (r, a) in solution.reflectance.iter().zip(&solution.area) {
-            reflectance += *r * (*a / area);
-        }
-        let first = self.ledger.unshot * (1.0 / area);
-        Rgb(std::array::from_fn(|i| first[i] / (1.0 - reflectance[i].min(0.99))))
+/// What a vertex sees.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Seen {
+    /// Irradiance by the lamps' light that was reflected once, and by the rest as if it were even: roughly what
+    /// all of it will come to [W/m²].
+    irradiance: Rgb,
+    /// What lamps bring, its luminance [W/m²].
+    lamps: f64,
+    /// Estimated error of the luminance of the irradiance [W/m²].
+    pub error: f64,
+    pub row: StoredRow,
+    pub fate: Fate,
+    pub rays: u64,
+}
+
+impl Light for Seen {
+    fn luminance(&self) -> f64 {
+        self.irradiance.luminance()
     }
 
-    /// Gathers rows, finely enough for the light that lamps throw on all surfaces and what it comes to.
-    pub(super) fn gather_rows(&mut self, tracer: &Tracer<'_>) {
-        let ambient = self.ambient();
-        let limits = self.limits();
-        let transfer = &self.settings.transfer;
-        let solution = &self.solution;
-        let lamps: Vec<Rgb> = solution.lamp_light().collect();
-        let vertices: Vec<(usize, u32, u32)> = solution.vertices().collect();
-        let radiosity = |leaf: &Leaf| {
-            let known = solution.radiosity_seen(tracer.scene(), leaf);
-            known.map_or(Rgb::BLACK, |b| b + leaf.reflectance * ambient)
-        };
-        let rows: Vec<(BoundRow, Fate, u64)> = vertices
-            .par_iter()
-            .map(|&(sheet, vertex, number)| {
-                let (receiver, start) = solution.sheets()[sheet].receiver(tracer, vertex);
-                let expected = (lamps[number as usize] + ambient).luminance();
-                let tolerance = (GATHERING * transfer.relative * expected).max(transfer.absolute);
-                let settings = HemisphereSettings { limits, tolerance, max_samples: MAX_SAMPLES };
-                let gathered = gather(tracer, &receiver, &start, &radiosity, &settings);
-                let bound = BoundRow::new(&gathered.row, &|link| {
-                    solution.locate(link.shape, link.front, &link.site)
-                });
-                (bound, Fate::new(&gathered.row), gathered.rays)
-            })
-            .collect();
-        let (mut bound, mut fates) =
-            (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
-        for (row, fate, rays) in rows {
-            bound.push(row);
-            fates.push(fate);
-            self.counts.rays += rays;
-        }
-        self.counts.balance = balance(&mut bound, &fates, &solution.patches, &solution.area);
-        self.transport = Transport::new(solution.patches.len(), &bound, fates);
-        self.counts.links = self.transport.counts();
+    fn in_all(&self) -> f64 {
+        self.luminance() + self.lamps
     }
+
+    fn between(a: &Self, b: &Self, fraction: f64) -> Self {
+        Self {
+            irradiance: a.irradiance * (1.0 - fraction) + b.irradiance * fraction,
+            lamps: a.lamps.max(b.lamps),
+            error: a.error.max(b.error),
+            fate: if fraction < 0.5 { a.fate } else { b.fate },
+            ..Self::default()
+        }
+    }
+}
+
+/// Mean irradiance of diffuse surfaces that reflected light comes to, roughly, if lamps send so much flux to
+/// surfaces of such areas and reflectances [W, m², W/m²].
+pub(super) fn ambient(flux: Rgb, surfaces: impl Iterator<Item = (f64, Rgb)>) -> Rgb {
+    let (mut area, mut reflected) = (0.0, Rgb::BLACK);
+    for (a, reflectance) in surfaces {
+        area += a;
+        reflected += reflectance * a;
+    }
+    if area <= 0.0 {
+        return Rgb::BLACK;
+    }
+    Rgb(std::array::from_fn(|i| {
+        let reflectance = (reflected[i] / area).min(0.99);
+        flux[i] / area * reflectance / (1.0 - reflectance)
+    }))
+}
+
+/// Gathers rows on meshes with first triangles of about `edge` [m], finely enough for the light that lamps throw on
+/// all surfaces and what it comes to; whether there was time for it.
+pub(super) fn gather_rows<'s>(
+    scene: &'s Scene,
+    tracer: &Tracer<'_>,
+    solution: &Solution<'_>,
+    limits: &Limits,
+    edge: f64,
+    settings: &SolverSettings,
+    control: &Control<'_>,
+) -> (Vec<Growth<'s, Seen>>, bool) {
+    let lamps = solution.lamps();
+    let received = lamps.flux().0;
+    let surfaces = lamps.area.iter().copied().zip(lamps.reflectance.iter().copied());
+    let ambient = ambient(received, surfaces);
+    let sheets = solution.sheets();
+    let of = |sheet: &Sheet| Growth {
+        mesh: TriangleMesh::new(&scene.shape(sheet.shape).surface, edge),
+        light: Vec::new(),
+    };
+    let mut growths: Vec<_> = sheets.iter().map(of).collect();
+    let transfer = &settings.transfer;
+    let rule = Rule {
+        stage: "reflected light",
+        allowed: &|own| INTERPOLATION * transfer.relative * (own + received.luminance()),
+        shortest: super::SHORTEST * edge,
+        allowed_here: &|light| LOCAL * transfer.relative * light,
+        fine: super::FINE * edge,
+        max_vertices: settings.max_vertices,
+    };
+    let radiosity = |leaf: &Leaf| {
+        let known = solution.lamps_at(scene, leaf);
+        known.map_or(Rgb::BLACK, |light| (light + ambient) * leaf.reflectance)
+    };
+    let whole = grow(&mut growths, &rule, control, &|sheet, mesh: &TriangleMesh<'_>, vertex| {
+        let (receiver, start) = sheets[sheet].receiver(tracer, mesh, vertex);
+        let light = lamps.at(sheet, &mesh.vertices()[vertex as usize].site);
+        let expected = (light + ambient).luminance();
+        let tolerance = (GATHERING * transfer.relative * expected).max(transfer.absolute);
+        let settings = HemisphereSettings { limits: *limits, tolerance, max_samples: MAX_SAMPLES };
+        let gathered = gather(tracer, &receiver, &start, &radiosity, &settings);
+        Some(Seen {
+            irradiance: gathered.irradiance,
+            lamps: light.luminance(),
+            error: gathered.error,
+            row: StoredRow::new(&gathered.row, &|link| solution.sheet_of(link.shape, link.front)),
+            fate: Fate::new(&gathered.row),
+            rays: gathered.rays,
+        })
+    });
+    (growths, whole)
 }

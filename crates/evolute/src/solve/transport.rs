@@ -7,14 +7,61 @@
 use std::ops::AddAssign;
 
 use crate::geometry::Rgb;
+use crate::surface::ChartPoint;
 use crate::trace::tree::Losses;
-use crate::transfer::Row;
+use crate::transfer::{Link, Row};
 
-/// A triangle, numbered through all sheets.
+/// A triangle, numbered through all sheets of a layer.
 pub type Patch = u32;
 
-/// Where a point of a surface lies: the patch, and the weights of its corners.
-pub type Locate<'l> = dyn Fn(&crate::transfer::Link) -> Option<(Patch, [f64; 3])> + Sync + 'l;
+/// A point that shines on a vertex, in single precision: surface, place, weight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct StoredLink<W> {
+    sheet: u32,
+    chart: u32,
+    at: [f32; 2],
+    /// Irradiance for a radiosity of 1.
+    weight: W,
+}
+
+impl<W> StoredLink<W> {
+    fn new(link: &Link, sheet: usize, weight: W) -> Self {
+        Self {
+            sheet: sheet as u32,
+            chart: link.site.chart,
+            at: link.site.at.map(|x| x as f32),
+            weight,
+        }
+    }
+
+    fn site(&self) -> ChartPoint {
+        ChartPoint { chart: self.chart, at: self.at.map(f64::from) }
+    }
+}
+
+/// What one vertex sees, by places: it outlives changes of all meshes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StoredRow {
+    straight: Vec<StoredLink<f32>>,
+    specular: Vec<StoredLink<[f32; 3]>>,
+}
+
+impl StoredRow {
+    /// Keeps the links to sheets. A link whose surface has none (a lamp that is black itself) brings nothing.
+    pub fn new(row: &Row, sheet_of: &dyn Fn(&Link) -> Option<usize>) -> Self {
+        let mut stored = Self::default();
+        for link in &row.links {
+            let Some(sheet) = sheet_of(link) else { continue };
+            if link.depth == 0 {
+                stored.straight.push(StoredLink::new(link, sheet, link.weight[0] as f32));
+            } else {
+                let weight = link.weight.0.map(|x| x as f32);
+                stored.specular.push(StoredLink::new(link, sheet, weight));
+            }
+        }
+        stored
+    }
+}
 
 /// How a patch's corners light a vertex: irradiance for a radiosity of 1 at each corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,7 +81,7 @@ pub struct BySpecular {
     pub weights: [[f32; 3]; 3],
 }
 
-/// A row by patches: what one vertex sees.
+/// A row by the patches of one layer.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BoundRow {
     pub(super) straight: Vec<(Patch, [f64; 3])>,
@@ -42,19 +89,18 @@ pub struct BoundRow {
 }
 
 impl BoundRow {
-    /// Finds the patches of a row's links. A link whose surface has no mesh (a lamp that is black itself)
-    /// brings nothing.
-    pub fn new(row: &Row, locate: &Locate<'_>) -> Self {
-        let (mut straight, mut specular) = (Vec::new(), Vec::new());
-        for link in &row.links {
-            let Some((patch, corners)) = locate(link) else { continue };
-            if link.depth == 0 {
-                straight.push((patch, corners.map(|c| c * link.weight[0])));
-            } else {
-                specular.push((patch, corners.map(|c| link.weight * c)));
-            }
-        }
-        Self { straight: merged(straight), specular: merged(specular) }
+    /// Finds the patches of a row's links: `locate` tells the patch at a point of a sheet, and the weights of its
+    /// corners.
+    pub fn new(row: &StoredRow, locate: &dyn Fn(usize, &ChartPoint) -> (Patch, [f64; 3])) -> Self {
+        let straight = row.straight.iter().map(|link| {
+            let (patch, corners) = locate(link.sheet as usize, &link.site());
+            (patch, corners.map(|c| c * f64::from(link.weight)))
+        });
+        let specular = row.specular.iter().map(|link| {
+            let (patch, corners) = locate(link.sheet as usize, &link.site());
+            (patch, corners.map(|c| Rgb(link.weight.map(f64::from)) * c))
+        });
+        Self { straight: merged(straight.collect()), specular: merged(specular.collect()) }
     }
 }
 
@@ -70,7 +116,6 @@ fn merged<W: Copy + AddAssign>(mut entries: Vec<(Patch, [W; 3])>) -> Vec<(Patch,
     });
     entries
 }
-
 /// Where the flux of a vertex goes, as fractions: straight, and to specular surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Fate {
@@ -81,6 +126,18 @@ pub struct Fate {
 }
 
 impl Fate {
+    /// Between those of three others, of the given weights.
+    pub fn between(fates: [&Self; 3], weights: [f64; 3]) -> Self {
+        let mut sum = Self::default();
+        for (fate, w) in fates.into_iter().zip(weights) {
+            sum.straight += fate.straight * w;
+            for (own, losses) in sum.losses.iter_mut().zip(fate.losses) {
+                *own += losses * Rgb::grey(w);
+            }
+        }
+        sum
+    }
+
     /// Reads it off a row.
     pub fn new(row: &Row) -> Self {
         let direct = row.links.iter().filter(|l| l.depth == 0);

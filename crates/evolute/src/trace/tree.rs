@@ -152,10 +152,31 @@ struct Way {
     share: Rgb,
 }
 
+/// Memory that trees of many trunks are made in, one after the other.
+#[derive(Default)]
+pub struct Workspace {
+    sight: Sight,
+    branches: Vec<Branch>,
+}
+
 /// Follows a trunk through the scene.
 pub fn sight(tracer: &Tracer<'_>, trunk: &Trunk<'_>, limits: &Limits) -> Sight {
-    let mut sight = Sight { signature: SEED, ..Sight::default() };
-    let mut branches = Vec::new();
+    let mut workspace = Workspace::default();
+    sight_in(&mut workspace, tracer, trunk, limits);
+    workspace.sight
+}
+
+/// The same without an allocation for each trunk.
+pub fn sight_in<'w>(
+    workspace: &'w mut Workspace,
+    tracer: &Tracer<'_>,
+    trunk: &Trunk<'_>,
+    limits: &Limits,
+) -> &'w Sight {
+    let Workspace { sight, branches } = workspace;
+    sight.leaves.clear();
+    *sight =
+        Sight { leaves: std::mem::take(&mut sight.leaves), signature: SEED, ..Sight::default() };
     let whole = Stem {
         throughput: Rgb::WHITE,
         flux: Rgb::WHITE,
@@ -164,10 +185,10 @@ pub fn sight(tracer: &Tracer<'_>, trunk: &Trunk<'_>, limits: &Limits) -> Sight {
         distance: trunk.travelled,
     };
     let hit = tracer.nearest(&trunk.ray, trunk.length, trunk.start);
-    sight.meet(tracer.scene(), &whole, &trunk.ray, hit, limits, &mut branches);
+    sight.meet(tracer.scene(), &whole, &trunk.ray, hit, limits, branches);
     while let Some(Branch { ray, start, stem }) = branches.pop() {
         let hit = tracer.nearest(&ray, f64::INFINITY, &[start]);
-        sight.meet(tracer.scene(), &stem, &ray, hit, limits, &mut branches);
+        sight.meet(tracer.scene(), &stem, &ray, hit, limits, branches);
     }
     sight
 }

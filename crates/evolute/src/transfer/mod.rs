@@ -6,6 +6,7 @@
 mod beam;
 mod boundary;
 mod chain;
+mod control;
 mod criteria;
 mod cut;
 mod diffuse;
@@ -36,6 +37,7 @@ mod window;
 mod word;
 
 pub use chain::{Event, Step};
+pub use control::{Control, Order};
 pub use criteria::{Criteria, MatchingTrees, NormalVariation, QuadratureAccuracy, SolidAngle};
 pub use diffuse::lambert;
 pub use hemisphere::{Gathered, HemisphereSettings, Link, Row, gather};

@@ -24,7 +24,7 @@ pub struct Components {
 }
 
 /// Asked at intervals of some milliseconds whether to give up: `true` stops.
-pub type Stop<'c> = &'c dyn Fn() -> bool;
+pub type Stop<'c> = &'c (dyn Fn() -> bool + Sync);
 
 /// Longest specular chain that is followed [interactions]: a chain that has lost a twentieth of its
 /// light at each of them is down to two millionths.

@@ -169,16 +169,13 @@ mod tests {
 
     #[test]
     fn a_brake_asks_at_every_sixteenth_division_and_stays_pulled() {
-        let asked = Cell::new(0);
-        let stop = || {
-            asked.set(asked.get() + 1);
-            asked.get() == 2
-        };
+        let asked = AtomicU32::new(0);
+        let stop = || asked.fetch_add(1, Ordering::Relaxed) == 1;
         let brake = Brake::new(&stop);
         let before = (0..100).take_while(|_| !brake.asked_at_division()).count();
         assert_eq!(before, 31);
         assert!(brake.asked() && brake.asked_at_division() && brake.was_pulled());
-        assert_eq!(asked.get(), 2);
+        assert_eq!(asked.into_inner(), 2);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Irradiance over the film: computed at the nodes of a quadtree of blocks of pixels, refined until
-//! interpolation between them is as good as computing. Direct and specular light have a lattice each,
-//! as a shadow's edge is no reason to compute caustics finely.
+//! interpolation between them is as good as computing. Direct, indirect and specular light have a lattice
+//! each, as a shadow's edge is no reason to compute caustics finely.
 //!
 //! A node is a point of the film; it keeps the diffuse surfaces that the eye sees there and their
 //! irradiance. Between the corners of a block, irradiance on the same surface seen the same way is
@@ -23,10 +23,10 @@ use rayon::prelude::*;
 
 use crate::geometry::Rgb;
 use crate::trace::tree::Leaf;
-use crate::transfer::Counts;
+use crate::transfer::{Control, Counts, Order};
 
+use super::View;
 use super::receiver::{Allowance, Part};
-use super::{Control, Order, View};
 
 /// Units of the lattice's coordinates in a pixel: the finest nodes are half a pixel apart. A hard
 /// edge of light is then smeared over half a pixel, less than by any filter.
@@ -135,10 +135,8 @@ impl Block {
 }
 
 /// One part of the irradiance over a film.
-pub(super) struct Lattice<'l> {
+pub(super) struct Lattice {
     part: Part,
-    /// The lattice of a part that was computed before.
-    known: Option<&'l Lattice<'l>>,
     /// Blocks below this level are always split.
     first: u8,
     nodes: HashMap<(u32, u32), Vec<Lit>>,
@@ -158,19 +156,14 @@ pub(super) struct Lattice<'l> {
     pub complete: bool,
 }
 
-impl<'l> Lattice<'l> {
-    /// Computes the lattice of a view. Tolerances are relative to this part and the `known` one together, or
+impl Lattice {
+    /// Computes the lattice of a view. Tolerances are relative to this part and the `known` ones together, or
     /// to all that shows at the same place of the film, or to what still counts there as dark.
-    pub fn build(
-        view: &View<'_>,
-        part: Part,
-        known: Option<&'l Lattice<'l>>,
-        control: &Control<'_>,
-    ) -> Self {
+    pub fn build(view: &View<'_>, part: Part, known: &[Self], control: &Control<'_>) -> Self {
         let mut lattice = Self {
             part,
-            known,
-            first: u8::from(view.width <= LARGE_FILM),
+            // Indirect light has no edges that could be missed.
+            first: u8::from(view.width <= LARGE_FILM && part != Part::Indirect),
             nodes: HashMap::new(),
             split: HashSet::new(),
             width: view.width * UNITS,
@@ -189,7 +182,7 @@ impl<'l> Lattice<'l> {
         while !pending.is_empty() {
             pending.sort_unstable();
             pending.dedup();
-            if !lattice.compute_corners(&pending, view, control) {
+            if !lattice.compute_corners(&pending, view, known, control) {
                 lattice.complete = false;
                 break;
             }
@@ -208,6 +201,7 @@ impl<'l> Lattice<'l> {
         &mut self,
         blocks: &[Block],
         view: &View<'_>,
+        known: &[Self],
         control: &Control<'_>,
     ) -> bool {
         let mut missing: Vec<(u32, u32)> = blocks
@@ -221,13 +215,13 @@ impl<'l> Lattice<'l> {
             if (control.order)() != Order::Go {
                 return false;
             }
-            (control.progress)((i * BATCH) as u64, missing.len() as u64);
+            (control.progress)(self.part.stage(), (i * BATCH) as u64, missing.len() as u64);
             let computed: Vec<_> = batch
                 .par_iter()
                 .map(|(x, y)| {
                     let at = |units: u32| f64::from(units) / f64::from(UNITS);
                     let go = (control.order)() == Order::Go;
-                    if go { self.node(view, at(*x), at(*y)) } else { None }
+                    if go { self.node(view, known, at(*x), at(*y)) } else { None }
                 })
                 .collect();
             let mut whole = true;
@@ -251,14 +245,11 @@ impl<'l> Lattice<'l> {
 
     /// The leaves seen at (x, y) of the film [pixels] with the light on them; `None` if the light was
     /// given up, as half of it would look like a dark spot.
-    fn node(&self, view: &View<'_>, x: f64, y: f64) -> Option<Node> {
+    fn node(&self, view: &View<'_>, before: &[Self], x: f64, y: f64) -> Option<Node> {
         let mut node = Node::default();
         let leaves = view.sight(x, y).leaves;
-        let known: Vec<Rgb> = leaves
-            .iter()
-            .map(|leaf| self.known.and_then(|l| l.irradiance(x, y, leaf)).unwrap_or_default())
-            .collect();
-        let dark = self.known.map_or(0.0, |l| l.dark);
+        let known: Vec<Rgb> = leaves.iter().map(|leaf| irradiance_of(before, x, y, leaf)).collect();
+        let dark = before.last().map_or(0.0, |l| l.dark);
         let allowance = Allowance::new(&leaves, &known, dark);
         for (leaf, known) in leaves.iter().zip(known) {
             let share = view.relative * allowance.share(leaf, known);
@@ -269,11 +260,7 @@ impl<'l> Lattice<'l> {
             node.counts += light.counts;
             node.unmet += u64::from(!light.met);
             node.largest_error = node.largest_error.max(light.error);
-            let irradiance = match self.part {
-                Part::Direct => light.direct,
-                Part::Specular => light.specular,
-            };
-            node.lit.push(Lit { leaf: *leaf, irradiance, known });
+            node.lit.push(Lit { leaf: *leaf, irradiance: light.irradiance, known });
         }
         Some(node)
     }
@@ -449,10 +436,21 @@ impl<'l> Lattice<'l> {
         (sum > 0.0).then(|| irradiance * (1.0 / sum))
     }
 
+    /// The part that it holds.
+    pub fn part(&self) -> Part {
+        self.part
+    }
+
     /// Number of nodes.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
+}
+
+/// The irradiance at a leaf seen at (x, y) of the film [pixels], in all parts that lattices know of.
+pub(super) fn irradiance_of(lattices: &[Lattice], x: f64, y: f64, leaf: &Leaf) -> Rgb {
+    let known = lattices.iter().filter_map(|l| l.irradiance(x, y, leaf));
+    known.fold(Rgb::BLACK, |sum, e| sum + e)
 }
 
 /// The leaf of a node that sees the same as another.

@@ -1,12 +1,13 @@
 //! The second pass: camera → layers of radiance.
 //!
-//! Rays from the camera run through mirrors and boundaries (both branches) to diffuse surfaces; direct
-//! and specular irradiance there come from [`Transfer`](crate::transfer::Transfer), on a lattice over
-//! the film that is refined where interpolation would show (`lattice.rs`). Outlines are sampled where
-//! neighbouring rays see different things (`resolve.rs`). No random numbers: the same scene gives the
-//! same bits, whatever the number of threads.
+//! Rays from the camera run through mirrors and boundaries (both branches) to diffuse surfaces. Light there
+//! is either read off the meshes of the first pass ([`Mode::Mesh`]), or computed anew ([`Mode::Recompute`]):
+//! direct and specular irradiance by [`Transfer`](crate::transfer::Transfer), indirect by what is seen of the
+//! meshes from there, on lattices over the film that are refined where interpolation would show
+//! (`lattice.rs`). Outlines are sampled where neighbouring rays see different things (`resolve.rs`). No
+//! random numbers: the same scene gives the same bits, whatever the number of threads.
 //!
-//! Limits: only `perspective` cameras; light that meets two diffuse surfaces is not there yet.
+//! Limits: only `perspective` cameras.
 
 mod camera;
 mod filter;
@@ -14,15 +15,16 @@ mod lattice;
 mod receiver;
 mod resolve;
 
+use crate::geometry::Rgb;
 use crate::scene::{ReconstructionFilter, Scene, Sensor};
+use crate::solve::Solution;
 use crate::trace::Tracer;
 use crate::trace::tree::{self, Leaf, Limits, Sight, Trunk};
-use crate::transfer::{Counts, ReceiverLight, TransferSettings};
+use crate::transfer::{Control, Counts, LONGEST_CHAIN, Order, TransferSettings};
 
 use camera::Camera;
 use lattice::Lattice;
-use receiver::{Lighting, Part};
-use resolve::Lattices;
+use receiver::{Indirect, Lighting, Part, PartLight};
 
 /// What is asked of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,26 +33,18 @@ pub struct ViewSettings {
     pub transfer: TransferSettings,
     /// Columns and rows instead of the film's own; the field of view across the width stays.
     pub size: Option<(u32, u32)>,
+    /// Where light on diffuse surfaces is taken from.
+    pub mode: Mode,
 }
 
-/// Whether to go on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Yes.
-    Go,
-    /// No, but make a picture of what is there.
-    Finish,
-    /// No, and nothing is wanted.
-    Abandon,
-}
-
-/// How a run is watched and stopped. Both functions are called often, from one thread or several.
-#[derive(Clone, Copy)]
-pub struct Control<'c> {
-    /// Asked between steps of some milliseconds.
-    pub order: &'c (dyn Fn() -> Order + Sync),
-    /// Told how much of the present stage is done: (done, of how many).
-    pub progress: &'c (dyn Fn(u64, u64) + Sync),
+/// Where the second pass takes light on diffuse surfaces from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// From the meshes: quick, and as coarse as they are.
+    Mesh,
+    /// Direct and specular light is computed at the place, indirect light gathered there.
+    #[default]
+    Recompute,
 }
 
 /// A picture in layers: one value per pixel, row by row from the top, each from left to right.
@@ -64,6 +58,8 @@ pub struct Picture {
     pub direct: Vec<[f32; 3]>,
     /// Radiance of light that came to the last diffuse surface by specular chains [W/(m² sr)].
     pub specular: Vec<[f32; 3]>,
+    /// Radiance of light that was reflected diffusely before the last diffuse surface [W/(m² sr)].
+    pub indirect: Vec<[f32; 3]>,
     /// Radiance of lamps seen, by specular chains too [W/(m² sr)].
     pub emitted: Vec<[f32; 3]>,
     /// Irradiance of the first diffuse surface at the pixel's centre, on the side seen [W/m²]; 0
@@ -98,10 +94,12 @@ impl Picture {
         Self { width, height, ..Self::default() }
     }
 
-    /// Direct + specular + emitted radiance [W/(m² sr)], row by row.
+    /// Direct + specular + indirect + emitted radiance [W/(m² sr)], row by row.
     pub fn radiance(&self) -> impl Iterator<Item = [f32; 3]> + Clone + '_ {
         (0..self.direct.len()).map(|i| {
-            std::array::from_fn(|c| self.direct[i][c] + self.specular[i][c] + self.emitted[i][c])
+            std::array::from_fn(|c| {
+                self.direct[i][c] + self.specular[i][c] + self.indirect[i][c] + self.emitted[i][c]
+            })
         })
     }
 }
@@ -110,15 +108,20 @@ impl Picture {
 /// Lamps are seldom more than a thousand times as bright as what they light.
 const THROUGHPUT: f64 = 1e-5;
 
+/// Branches behind a place that indirect light comes to are cut below this part of the accuracy.
+const INDIRECT_THROUGHPUT: f64 = 0.01;
+
 /// Everything a sample needs.
 struct View<'s> {
     tracer: &'s Tracer<'s>,
     camera: Camera,
     limits: Limits,
     /// One part of the light on a surface that is seen, with a floor of the tolerance [W/m²].
-    light: &'s (dyn Fn(&Leaf, Part, f64) -> ReceiverLight + Sync),
-    /// Whether there is a specular part.
-    specular: bool,
+    light: &'s (dyn Fn(&Leaf, Part, f64) -> PartLight + Sync),
+    /// The parts that there are, in the order in which they are computed.
+    parts: &'s [Part],
+    /// Irradiance by [`Part`] as the meshes have it [W/m²], if it is taken from them.
+    mesh: Option<&'s (dyn Fn(&Leaf) -> [Rgb; 3] + Sync)>,
     filter: ReconstructionFilter,
     width: u32,
     height: u32,
@@ -140,13 +143,14 @@ impl View<'_> {
 
     /// The whole picture; `None` if told to abandon it.
     fn draw(&self, control: &Control<'_>) -> Option<Picture> {
-        let direct = Lattice::build(self, Part::Direct, None, control);
-        let specular =
-            self.specular.then(|| Lattice::build(self, Part::Specular, Some(&direct), control));
-        if (control.order)() == Order::Abandon {
-            return None;
+        let mut lattices: Vec<Lattice> = Vec::new();
+        let parts = if self.mesh.is_some() { &[] } else { self.parts };
+        for part in parts {
+            lattices.push(Lattice::build(self, *part, &lattices, control));
+            if (control.order)() == Order::Abandon {
+                return None;
+            }
         }
-        let lattices = Lattices { direct: &direct, specular: specular.as_ref() };
         resolve::resolve(self, &lattices, control)
     }
 
@@ -157,19 +161,42 @@ impl View<'_> {
     }
 }
 
-/// Draws what a sensor sees. `None` if `control` said [`Order::Abandon`].
+/// Draws what a sensor sees, with indirect light if there is a solution. `None` if `control` said
+/// [`Order::Abandon`].
 ///
 /// The film's filter weighs samples as in Mitsuba 3: a film of the same size shows the same picture.
 pub fn render(
     scene: &Scene,
     tracer: &Tracer<'_>,
     sensor: &Sensor,
+    solution: Option<&Solution<'_>>,
     settings: &ViewSettings,
     control: &Control<'_>,
 ) -> Option<Picture> {
     let (width, height) = settings.size.unwrap_or((sensor.film.width, sensor.film.height));
     let transfer = &settings.transfer;
-    let lighting = Lighting::new(scene, tracer, transfer);
+    let limits = Limits {
+        max_specular: transfer.max_specular.min(LONGEST_CHAIN),
+        throughput: INDIRECT_THROUGHPUT * transfer.relative,
+        diffuse_throughput: INDIRECT_THROUGHPUT * transfer.relative,
+        lamps: false,
+    };
+    let (relative, absolute) = (transfer.relative, transfer.absolute);
+    let indirect =
+        solution.map(|solution| Indirect { tracer, solution, limits, relative, absolute });
+    let lighting = Lighting::new(scene, tracer, transfer, indirect);
+    let parts: Vec<Part> = Part::ALL
+        .into_iter()
+        .filter(|part| match part {
+            Part::Direct => true,
+            Part::Indirect => solution.is_some(),
+            Part::Specular => lighting.is_specular(scene),
+        })
+        .collect();
+    let of_mesh = |leaf: &Leaf| {
+        let light = solution.and_then(|s| s.parts_at(scene, leaf)).unwrap_or_default();
+        [light.direct, light.indirect, light.specular]
+    };
     let stop = || (control.order)() != Order::Go;
     let light = |leaf: &Leaf, part, absolute| lighting.light(leaf, part, absolute, &stop);
     let view = View {
@@ -183,7 +210,8 @@ pub fn render(
             lamps: scene.max_depth != Some(0),
         },
         light: &light,
-        specular: lighting.is_specular(scene),
+        parts: &parts,
+        mesh: (settings.mode == Mode::Mesh).then_some(&of_mesh as _),
         filter: sensor.film.filter,
         width,
         height,
@@ -196,7 +224,7 @@ pub fn render(
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::geometry::{Rgb, Transform, Vector3, math};
+    use crate::geometry::{Transform, Vector3, math};
     use crate::scene::{Film, Material, Shape, SideMaterial};
     use crate::surface::{Rectangle, Surface};
 
@@ -240,10 +268,10 @@ mod tests {
         irradiance: &(dyn Fn(f64, f64) -> f64 + Sync),
     ) -> Picture {
         let tracer = Tracer::new(scene);
-        let light = |leaf: &Leaf, _, _| ReceiverLight {
-            direct: Rgb::grey(irradiance(leaf.anchor.point.x.x, leaf.anchor.point.x.y)),
+        let light = |leaf: &Leaf, _, _| PartLight {
+            irradiance: Rgb::grey(irradiance(leaf.anchor.point.x.x, leaf.anchor.point.x.y)),
             met: true,
-            ..ReceiverLight::default()
+            ..PartLight::default()
         };
         let view = View {
             tracer: &tracer,
@@ -255,13 +283,14 @@ mod tests {
                 lamps: true,
             },
             light: &light,
-            specular: false,
+            parts: &[Part::Direct],
+            mesh: None,
             filter,
             width: PIXELS,
             height: PIXELS,
             relative: 0.01,
         };
-        let control = Control { order: &|| Order::Go, progress: &|_, _| {} };
+        let control = Control { order: &|| Order::Go, progress: &|_, _, _| {} };
         view.draw(&control).unwrap()
     }
 
@@ -376,8 +405,8 @@ mod tests {
         let tracer = Tracer::new(&scene);
         let sensor = camera(ReconstructionFilter::Box);
         let with = |order| {
-            let control = Control { order: &|| order, progress: &|_, _| {} };
-            render(&scene, &tracer, &sensor, &ViewSettings::default(), &control)
+            let control = Control { order: &|| order, progress: &|_, _, _| {} };
+            render(&scene, &tracer, &sensor, None, &ViewSettings::default(), &control)
         };
         assert!(with(Order::Abandon).is_none());
         let unfinished = with(Order::Finish).unwrap();

@@ -2,19 +2,52 @@
 
 use crate::geometry::Rgb;
 use crate::scene::Scene;
+use crate::solve::Solution;
 use crate::trace::Tracer;
-use crate::trace::tree::Leaf;
+use crate::trace::tree::{Leaf, Limits};
 use crate::transfer::{
-    Components, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, Transfer, TransferSettings,
+    Components, Counts, HemisphereSettings, LONGEST_CHAIN, Receiver, Stop, Transfer,
+    TransferSettings,
 };
 
-/// The parts of the irradiance that are computed on their own: most edges are edges of one of them.
+/// The parts of the irradiance that are computed on their own: most edges are edges of one of them. What is dear
+/// comes last: the more is known of a place, the less finely must the rest be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     /// From lamps directly.
     Direct,
+    /// By way of other diffuse surfaces.
+    Indirect,
     /// From lamps by specular chains.
     Specular,
+}
+
+impl Part {
+    /// In the order in which they are computed.
+    pub const ALL: [Self; 3] = [Self::Direct, Self::Indirect, Self::Specular];
+
+    /// For people who wait for it.
+    pub fn stage(self) -> &'static str {
+        match self {
+            Self::Direct => "direct light in the picture",
+            Self::Indirect => "indirect light in the picture",
+            Self::Specular => "specular light in the picture",
+        }
+    }
+}
+
+/// One part of the irradiance at one place.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PartLight {
+    /// [W/m²]
+    pub irradiance: Rgb,
+    /// Estimated error of its luminance [W/m²].
+    pub error: f64,
+    /// Whether that is within the tolerance.
+    pub met: bool,
+    /// Whether it was given up.
+    pub stopped: bool,
+    pub counts: Counts,
 }
 
 /// What may be off in the light on the leaves of one place of the film: shared out half as they shine and half
@@ -49,10 +82,53 @@ pub(super) struct Lighting<'s> {
     interactions: Option<u32>,
     /// Whether any chain is allowed at all.
     specular: bool,
+    indirect: Option<Indirect<'s>>,
+}
+
+/// Where indirect light comes from, and how finely it is gathered.
+#[derive(Clone, Copy)]
+pub(super) struct Indirect<'s> {
+    pub tracer: &'s Tracer<'s>,
+    pub solution: &'s Solution<'s>,
+    pub limits: Limits,
+    /// Relative accuracy of what is gathered, and the tolerance that it need not fall below [W/m²].
+    pub relative: f64,
+    pub absolute: f64,
+}
+
+/// Most samples of a hemisphere.
+const MAX_SAMPLES: usize = 20_000;
+
+impl Indirect<'_> {
+    /// What comes to a leaf by way of other diffuse surfaces, with a tolerance not below `absolute` [W/m²].
+    fn light(&self, leaf: &Leaf, absolute: f64) -> PartLight {
+        let receiver = Receiver { position: leaf.anchor.point.x, normal: leaf.normal };
+        // What the mesh says of it.
+        let expected = self.solution.indirect_at(self.tracer.scene(), leaf).unwrap_or_default();
+        let own = self.relative * expected.luminance();
+        let settings = HemisphereSettings {
+            limits: self.limits,
+            tolerance: own.max(absolute).max(self.absolute),
+            max_samples: MAX_SAMPLES,
+        };
+        let gathered = self.solution.gather(self.tracer, &receiver, &settings);
+        PartLight {
+            irradiance: gathered.irradiance,
+            error: gathered.error,
+            met: gathered.met,
+            stopped: false,
+            counts: Counts { rays: gathered.rays, ..Counts::default() },
+        }
+    }
 }
 
 impl<'s> Lighting<'s> {
-    pub fn new(scene: &'s Scene, tracer: &'s Tracer<'s>, settings: &TransferSettings) -> Self {
+    pub fn new(
+        scene: &'s Scene,
+        tracer: &'s Tracer<'s>,
+        settings: &TransferSettings,
+        indirect: Option<Indirect<'s>>,
+    ) -> Self {
         let with = |max_specular| {
             Transfer::new(scene, tracer, TransferSettings { max_specular, ..*settings })
         };
@@ -64,7 +140,7 @@ impl<'s> Lighting<'s> {
             }
             _ => vec![with(settings.max_specular)],
         };
-        Self { transfers, interactions, specular: settings.max_specular > 0 }
+        Self { transfers, interactions, specular: settings.max_specular > 0, indirect }
     }
 
     /// Longest chain to the eye that ends on a lamp [interactions].
@@ -79,8 +155,8 @@ impl<'s> Lighting<'s> {
 
     /// One part of the irradiance at a leaf, with a tolerance not below `absolute` [W/m²], given up
     /// when told to stop.
-    pub fn light(&self, leaf: &Leaf, part: Part, absolute: f64, stop: Stop<'_>) -> ReceiverLight {
-        let nothing = ReceiverLight { met: true, ..ReceiverLight::default() };
+    pub fn light(&self, leaf: &Leaf, part: Part, absolute: f64, stop: Stop<'_>) -> PartLight {
+        let nothing = PartLight { met: true, ..PartLight::default() };
         // What the chain to the eye and the diffuse interaction leave for the chain from the lamp.
         let left = match self.interactions {
             None => u32::MAX,
@@ -91,10 +167,20 @@ impl<'s> Lighting<'s> {
             Part::Direct => Components { direct: true, specular: false },
             Part::Specular if left == 0 || !self.specular => return nothing,
             Part::Specular => Components { direct: false, specular: true },
+            Part::Indirect => {
+                return self.indirect.map_or(nothing, |indirect| indirect.light(leaf, absolute));
+            }
         };
         let receiver = Receiver { position: leaf.anchor.point.x, normal: leaf.normal };
         let longest = self.transfers.len() - 1;
         let transfer = &self.transfers[longest.min(usize::try_from(left).unwrap_or(longest))];
-        transfer.light_until(&receiver, components, absolute, stop)
+        let light = transfer.light_until(&receiver, components, absolute, stop);
+        PartLight {
+            irradiance: light.direct + light.specular,
+            error: light.error,
+            met: light.met,
+            stopped: light.stopped,
+            counts: light.counts,
+        }
     }
 }

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 
 use crate::geometry::Rgb;
 use crate::trace::tree::{Leaf, Sight};
-use crate::transfer::Counts;
+use crate::transfer::{Control, Counts, Order};
 
 use super::filter::FilterTable;
-use super::lattice::Lattice;
-use super::receiver::{Allowance, Part};
-use super::{Control, Order, Picture, View};
+use super::lattice::{Lattice, irradiance_of};
+use super::receiver::Allowance;
+use super::{Picture, View};
 
 /// Samples of a pixel that needs more than one: a Hammersley set, in which every row, every column
 /// and every aligned rectangle of 1/64 of the pixel holds one, so that an edge of any slope shows
@@ -28,32 +28,21 @@ const CREASE: f64 = 0.99;
 /// Rows of pixels that one thread does at a time.
 const ROWS: u32 = 8;
 
-/// The lattices of both parts of the irradiance; no specular one where there is nothing specular.
-pub(super) struct Lattices<'l> {
-    pub direct: &'l Lattice<'l>,
-    pub specular: Option<&'l Lattice<'l>>,
-}
-
-impl<'l> Lattices<'l> {
-    fn of(&self, part: Part) -> Option<&'l Lattice<'l>> {
-        match part {
-            Part::Direct => Some(self.direct),
-            Part::Specular => self.specular,
-        }
-    }
-
-    fn finer_than_pixel(&self, x: u32, y: u32) -> bool {
-        self.direct.finer_than_pixel(x, y)
-            || self.specular.is_some_and(|s| s.finer_than_pixel(x, y))
-    }
-}
-
 /// The parts of a radiance.
 #[derive(Clone, Copy, Default)]
 struct Parts {
-    direct: Rgb,
-    specular: Rgb,
+    /// By [`Part`].
+    reflected: [Rgb; 3],
     emitted: Rgb,
+}
+
+impl Parts {
+    fn add(&mut self, other: &Self, weight: f64) {
+        for (own, more) in self.reflected.iter_mut().zip(other.reflected) {
+            *own += more * weight;
+        }
+        self.emitted += other.emitted * weight;
+    }
 }
 
 /// Weighted sums over a pixel.
@@ -65,16 +54,12 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, parts: &Parts, weight: f64) {
-        self.parts.direct += parts.direct * weight;
-        self.parts.specular += parts.specular * weight;
-        self.parts.emitted += parts.emitted * weight;
+        self.parts.add(parts, weight);
         self.weight += weight;
     }
 
     fn merge(&mut self, other: &Self) {
-        self.parts.direct += other.parts.direct;
-        self.parts.specular += other.parts.specular;
-        self.parts.emitted += other.parts.emitted;
+        self.parts.add(&other.parts, 1.0);
         self.weight += other.weight;
     }
 }
@@ -107,7 +92,7 @@ struct Band {
 /// Makes the picture; `None` if told to abandon it.
 pub(super) fn resolve(
     view: &View<'_>,
-    lattices: &Lattices<'_>,
+    lattices: &[Lattice],
     control: &Control<'_>,
 ) -> Option<Picture> {
     let filter = FilterTable::new(view.filter);
@@ -116,7 +101,7 @@ pub(super) fn resolve(
     let mut sums = vec![Sums::default(); width * height];
     let mut picture = Picture::new(width, height);
     picture.complete = true;
-    for lattice in [Some(lattices.direct), lattices.specular].into_iter().flatten() {
+    for lattice in lattices {
         picture.nodes += lattice.len() as u64;
         picture.receivers += lattice.receivers;
         picture.unmet += lattice.unmet;
@@ -130,7 +115,7 @@ pub(super) fn resolve(
         if (control.order)() == Order::Abandon {
             return None;
         }
-        (control.progress)((i * 16) as u64, starts.len() as u64);
+        (control.progress)("pixels", (i * 16) as u64, starts.len() as u64);
         let bands: Vec<Band> =
             some.par_iter().map(|y| band(view, lattices, &filter, *y, control)).collect();
         for (first, band) in some.iter().zip(bands) {
@@ -160,8 +145,10 @@ pub(super) fn resolve(
     picture.cut = cut / picture.samples.max(1) as f64;
     for sum in &sums {
         let scale = if sum.weight > 0.0 { 1.0 / sum.weight } else { 0.0 };
-        picture.direct.push(single(sum.parts.direct * scale));
-        picture.specular.push(single(sum.parts.specular * scale));
+        let [direct, indirect, specular] = sum.parts.reflected;
+        picture.direct.push(single(direct * scale));
+        picture.indirect.push(single(indirect * scale));
+        picture.specular.push(single(specular * scale));
         picture.emitted.push(single(sum.parts.emitted * scale));
     }
     Some(picture)
@@ -175,7 +162,7 @@ fn single(rgb: Rgb) -> [f32; 3] {
 /// The rows from `top` on, [`ROWS`] of them or what is left of the film.
 fn band(
     view: &View<'_>,
-    lattices: &Lattices<'_>,
+    lattices: &[Lattice],
     filter: &FilterTable,
     top: u32,
     control: &Control<'_>,
@@ -212,9 +199,9 @@ fn band(
 /// A pixel at work.
 struct Pixel<'p, 's> {
     view: &'p View<'s>,
-    lattices: &'p Lattices<'p>,
+    lattices: &'p [Lattice],
     /// Irradiance of surfaces that no node of the lattice sees, computed once a pixel.
-    own: HashMap<(u64, bool), Rgb>,
+    own: HashMap<(u64, usize), Rgb>,
     may_compute: bool,
     x: u32,
     y: u32,
@@ -227,8 +214,9 @@ impl Pixel<'_, '_> {
         let parts = self.shade(&centre, x + 0.5, y + 0.5, band);
         let at_centre = self.centre(&centre, band);
         band.centres.push(at_centre);
-        let plain = !self.lattices.finer_than_pixel(self.x, self.y)
-            && corners.iter().all(|corner| alike(&centre, corner));
+        let finer = |lattice: &Lattice| lattice.finer_than_pixel(self.x, self.y);
+        let plain =
+            !self.lattices.iter().any(finer) && corners.iter().all(|corner| alike(&centre, corner));
         if plain {
             self.splat(&parts, row, band, filter.reach, |dx, dy| {
                 filter.whole(dx) * filter.whole(dy)
@@ -279,53 +267,62 @@ impl Pixel<'_, '_> {
     fn shade(&mut self, sight: &Sight, x: f64, y: f64, band: &mut Band) -> Parts {
         let mut parts = Parts { emitted: sight.emitted, ..Parts::default() };
         for leaf in &sight.leaves {
-            let [direct, specular] = self.irradiance(leaf, sight, (x, y), band);
-            parts.direct += leaf.radiance(direct);
-            parts.specular += leaf.radiance(specular);
+            let irradiance = self.irradiance(leaf, sight, (x, y), band);
+            for (sum, part) in parts.reflected.iter_mut().zip(irradiance) {
+                *sum += leaf.radiance(part);
+            }
         }
         parts
     }
 
-    /// Direct and specular irradiance of a leaf of a sight [W/m²].
+    /// Irradiance of a leaf of a sight, by [`Part`] [W/m²].
     fn irradiance(
         &mut self,
         leaf: &Leaf,
         sight: &Sight,
         at: (f64, f64),
         band: &mut Band,
-    ) -> [Rgb; 2] {
-        let direct = self.part(leaf, Part::Direct, Rgb::BLACK, sight, at, band);
-        [direct, self.part(leaf, Part::Specular, direct, sight, at, band)]
+    ) -> [Rgb; 3] {
+        if let Some(mesh) = self.view.mesh {
+            return mesh(leaf);
+        }
+        let mut parts = [Rgb::BLACK; 3];
+        let mut known = Rgb::BLACK;
+        for i in 0..self.lattices.len() {
+            let found = self.part(leaf, i, known, sight, at, band);
+            parts[self.lattices[i].part() as usize] = found;
+            known += found;
+        }
+        parts
     }
 
-    /// One part of a leaf's irradiance [W/m²], which receives `known` by the other.
+    /// One part of a leaf's irradiance [W/m²], by the number of its lattice; it receives `known` by those before.
     fn part(
         &mut self,
         leaf: &Leaf,
-        part: Part,
+        lattice: usize,
         known: Rgb,
         sight: &Sight,
         (x, y): (f64, f64),
         band: &mut Band,
     ) -> Rgb {
-        let Some(lattice) = self.lattices.of(part) else { return Rgb::BLACK };
-        if let Some(found) = lattice.irradiance(x, y, leaf) {
+        if let Some(found) = self.lattices[lattice].irradiance(x, y, leaf) {
             return found;
         }
-        let key = (leaf.path, part == Part::Direct);
+        let key = (leaf.path, lattice);
         if let Some(found) = self.own.get(&key) {
             return *found;
         }
         let mut found = Rgb::BLACK;
         if self.may_compute {
             let share = self.view.relative * self.allowance(sight, x, y).share(leaf, known);
-            let light = (self.view.light)(leaf, part, share);
+            let light = (self.view.light)(leaf, self.lattices[lattice].part(), share);
             band.counts += light.counts;
             band.receivers += 1;
             band.unmet += u64::from(!light.met);
             band.largest_error = band.largest_error.max(light.error);
             band.unfinished |= light.stopped;
-            found = light.direct + light.specular;
+            found = light.irradiance;
         } else {
             band.unfinished = true;
         }
@@ -335,12 +332,10 @@ impl Pixel<'_, '_> {
 
     /// What may be off at (x, y) of the film, by what the lattices know of it.
     fn allowance(&self, sight: &Sight, x: f64, y: f64) -> Allowance {
-        let of = |leaf: &Leaf, part| {
-            self.lattices.of(part).and_then(|l| l.irradiance(x, y, leaf)).unwrap_or_default()
-        };
-        let both = |leaf: &Leaf| of(leaf, Part::Direct) + of(leaf, Part::Specular);
-        let known: Vec<Rgb> = sight.leaves.iter().map(both).collect();
-        Allowance::new(&sight.leaves, &known, self.lattices.direct.dark)
+        let of = |leaf: &Leaf| irradiance_of(self.lattices, x, y, leaf);
+        let known: Vec<Rgb> = sight.leaves.iter().map(of).collect();
+        let dark = self.lattices.last().map_or(0.0, |l| l.dark);
+        Allowance::new(&sight.leaves, &known, dark)
     }
 
     /// Distance, normal and irradiance of the diffuse surface that shows most at the centre.
@@ -353,11 +348,11 @@ impl Pixel<'_, '_> {
         }
         let Some(leaf) = best else { return Centre::default() };
         let (x, y) = (f64::from(self.x) + 0.5, f64::from(self.y) + 0.5);
-        let [direct, specular] = self.irradiance(leaf, sight, (x, y), band);
+        let [a, b, c] = self.irradiance(leaf, sight, (x, y), band);
         Centre {
             distance: leaf.distance,
             normal: [leaf.normal.x, leaf.normal.y, leaf.normal.z],
-            irradiance: direct + specular,
+            irradiance: a + b + c,
         }
     }
 }

@@ -1,0 +1,194 @@
+//! Meshes that grow where light is not linear over their triangles.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use crate::receiver::{TriangleMesh, within};
+use crate::transfer::{Control, Order};
+
+/// What is computed at a vertex.
+pub(super) trait Light: Clone + Send + Sync {
+    /// Luminance of the irradiance [W/m²].
+    fn luminance(&self) -> f64;
+    /// The same and all other light there, as far as it is known [W/m²].
+    fn in_all(&self) -> f64;
+    /// Something for a vertex between two others for which there was no time.
+    fn between(a: &Self, b: &Self, fraction: f64) -> Self;
+}
+
+/// A mesh and what was computed at its vertices.
+pub(super) struct Growth<'s, L> {
+    pub mesh: TriangleMesh<'s>,
+    pub light: Vec<L>,
+}
+
+/// When to stop.
+pub(super) struct Rule<'r> {
+    /// What is computed, for people who wait for it.
+    pub stage: &'static str,
+    /// Flux that interpolation may be wrong by, given the flux that the meshes receive, luminances [W].
+    pub allowed: &'r dyn Fn(f64) -> f64,
+    /// No edge becomes shorter than this [m].
+    pub shortest: f64,
+    /// Irradiance that interpolation may be wrong by where there is so much light, luminances [W/m²]. Where it is
+    /// not, triangles are cut too, down to edges of `fine` [m]: beside an edge of light there would be no end.
+    pub allowed_here: &'r dyn Fn(f64) -> f64,
+    pub fine: f64,
+    /// Vertices at which it ends.
+    pub max_vertices: usize,
+}
+
+/// Each round cuts the worst triangles that have this part of the error.
+const EACH_ROUND: f64 = 0.5;
+
+impl<L: Light + Default> Growth<'_, L> {
+    fn luminance(&self, vertex: u32) -> f64 {
+        self.light.get(vertex as usize).map_or(0.0, Light::luminance)
+    }
+
+    /// Flux, its luminance [W].
+    fn received(&self) -> f64 {
+        let of = |t: u32| {
+            let (corners, weights) = (self.mesh.corners(t), self.mesh.weights(t));
+            (0..3).map(|c| self.luminance(corners[c]) * weights[c]).sum::<f64>()
+        };
+        self.mesh.triangles().map(of).sum()
+    }
+
+    /// Irradiance that linear interpolation over a triangle is wrong by in the mean, roughly and without sign
+    /// [W/m²]: an eighth of what the vertices beyond its edges differ by from the plane through its own. (For
+    /// second derivatives that is the error of the interpolation to within a factor of two; where light
+    /// ends at an edge in the triangle, less than it.)
+    pub fn interpolation_error(&self, triangle: u32) -> f64 {
+        let values = self.mesh.corners(triangle).map(|v| self.luminance(v));
+        let [a, b, c] = self.mesh.positions(triangle);
+        let (p, q) = (b - a, c - a);
+        let mut most: f64 = 0.0;
+        for edge in 0..3 {
+            let Some(beyond) = self.mesh.beyond(triangle, edge) else { continue };
+            let x = self.mesh.vertices()[beyond as usize].position - a;
+            let (s, t) = within(&p, &q, &x);
+            let plane = values[0] + s * (values[1] - values[0]) + t * (values[2] - values[0]);
+            let difference = (plane - self.luminance(beyond)).abs();
+            if difference.is_finite() {
+                most = most.max(difference);
+            }
+        }
+        0.125 * most
+    }
+
+    /// By vertex: the error of its own light, plus the largest interpolation error of the triangles around
+    /// [W/m²].
+    pub fn vertex_errors(&self, own: impl Fn(&L) -> f64) -> Vec<f64> {
+        let mut errors = vec![0.0; self.mesh.vertices().len()];
+        for t in self.mesh.triangles() {
+            let error = self.interpolation_error(t);
+            for v in self.mesh.corners(t) {
+                errors[v as usize] = f64::max(errors[v as usize], error);
+            }
+        }
+        errors.iter_mut().zip(&self.light).for_each(|(e, light)| *e += own(light));
+        errors
+    }
+}
+
+/// Computes light at all vertices, and cuts triangles: all where the light itself is not known well enough, and
+/// the worst first until the flux that linear interpolation is wrong by, summed without regard to sign, is what
+/// the rule allows. `compute` (sheet, mesh, vertex) is `None`
+/// once there is no time left; whether there was.
+pub(super) fn grow<'s, L: Light + Default>(
+    growths: &mut [Growth<'s, L>],
+    rule: &Rule<'_>,
+    control: &Control<'_>,
+    compute: &(dyn Fn(usize, &TriangleMesh<'s>, u32) -> Option<L> + Sync),
+) -> bool {
+    let count = |growths: &[Growth<'s, L>]| -> usize {
+        growths.iter().map(|g| g.mesh.vertices().len()).sum()
+    };
+    loop {
+        if !compute_new(growths, rule.stage, control, compute) {
+            return false;
+        }
+        let received: f64 = growths.iter().map(Growth::received).sum();
+        let mut errors: Vec<(f64, usize, u32)> = Vec::new();
+        let mut coarse: Vec<(usize, u32)> = Vec::new();
+        for (i, g) in growths.iter().enumerate() {
+            for t in g.mesh.triangles() {
+                let error = g.interpolation_error(t);
+                errors.push((error * g.mesh.weights(t).iter().sum::<f64>(), i, t));
+                let in_all = |v: &u32| g.light.get(*v as usize).map_or(0.0, Light::in_all);
+                let light = g.mesh.corners(t).iter().map(in_all).sum::<f64>() / 3.0;
+                if error > (rule.allowed_here)(light) && g.mesh.longest_edge(t).1 >= 2.0 * rule.fine
+                {
+                    coarse.push((i, t));
+                }
+            }
+        }
+        let sum: f64 = errors.iter().map(|e| e.0).sum();
+        let vertices = count(growths);
+        let enough = sum <= (rule.allowed)(received);
+        if (enough && coarse.is_empty()) || vertices >= rule.max_vertices {
+            return true;
+        }
+        errors.retain(|&(_, i, t)| growths[i].mesh.longest_edge(t).1 >= 2.0 * rule.shortest);
+        errors.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let mut left = if enough { 0.0 } else { EACH_ROUND * sum };
+        for &(error, i, t) in &errors {
+            if left <= 0.0 || error <= 0.0 {
+                break;
+            }
+            coarse.push((i, t));
+            left -= error;
+        }
+        coarse.sort_unstable();
+        coarse.dedup();
+        for (i, t) in coarse {
+            // Unless a neighbour's cut went through it.
+            let mesh = &mut growths[i].mesh;
+            if mesh.is_whole(t) {
+                mesh.cut(t, mesh.longest_edge(t).0, 0.5);
+            }
+        }
+        if count(growths) == vertices {
+            return true;
+        }
+    }
+}
+
+/// Computes light at the vertices that have none yet; whether there was time.
+fn compute_new<'s, L: Light + Default>(
+    growths: &mut [Growth<'s, L>],
+    stage: &'static str,
+    control: &Control<'_>,
+    compute: &(dyn Fn(usize, &TriangleMesh<'s>, u32) -> Option<L> + Sync),
+) -> bool {
+    let missing: Vec<(usize, u32)> = growths
+        .iter()
+        .enumerate()
+        .flat_map(|(i, g)| {
+            (g.light.len() as u32..g.mesh.vertices().len() as u32).map(move |v| (i, v))
+        })
+        .collect();
+    let (done, all) = (AtomicU64::new(0), missing.len() as u64);
+    let lights: Vec<Option<L>> = missing
+        .par_iter()
+        .map(|&(i, v)| {
+            (control.progress)(stage, done.fetch_add(1, Ordering::Relaxed), all);
+            let go = (control.order)() == Order::Go;
+            if go { compute(i, &growths[i].mesh, v) } else { None }
+        })
+        .collect();
+    let mut whole = true;
+    for ((i, v), light) in missing.into_iter().zip(lights) {
+        let g = &mut growths[i];
+        let light = light.unwrap_or_else(|| {
+            whole = false;
+            g.mesh.vertices()[v as usize].parents.map_or_else(L::default, |([a, b], fraction)| {
+                L::between(&g.light[a as usize], &g.light[b as usize], fraction)
+            })
+        });
+        g.light.push(light);
+    }
+    whole
+}

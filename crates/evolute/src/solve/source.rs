@@ -1,0 +1,138 @@
+//! What the patches of one layer have shot, and where it goes.
+
+use super::layer::Layer;
+use super::transport::{Fate, Patch, Transport};
+use crate::geometry::Rgb;
+
+/// How light leaves a patch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Way {
+    /// To diffuse surfaces.
+    Straight,
+    /// To specular surfaces, and on from there.
+    Specular,
+}
+
+impl Fate {
+    /// The part of the flux that goes one way.
+    pub fn share(&self, way: Way) -> Rgb {
+        match way {
+            Way::Straight => self.straight,
+            Way::Specular => Rgb::WHITE - self.straight,
+        }
+    }
+}
+
+/// The patches of one layer as they shoot.
+#[derive(Clone, Debug)]
+pub(super) struct Source {
+    pub transport: Transport,
+    /// By way, patch and corner: radiosity that was shot [W/m²].
+    shot: [Vec<[Rgb; 3]>; 2],
+    /// By way, patch and corner: flux that vertices receive of a radiosity of 1 there, by their rows [m²].
+    reach: [Vec<[Rgb; 3]>; 2],
+    /// By way: factor on what is received.
+    factors: [Rgb; 2],
+}
+
+/// Rows may be wrong by this factor before what they lose is no longer made up for.
+const MOST_CORRECTED: f64 = 2.0;
+
+/// What earlier shots owe counts up to this part of what is sent.
+const MOST_OWED: f64 = 0.1;
+
+/// Fewer patches than this are few.
+const FEW: usize = 32;
+
+impl Source {
+    /// Patches that have not shot; `area` by vertex that receives [m²].
+    pub fn new(transport: Transport, patches: usize, area: &[f64]) -> Self {
+        let none = vec![[Rgb::BLACK; 3]; patches];
+        let mut reach = [none.clone(), none.clone()];
+        for p in 0..patches {
+            for entry in transport.straight(p as Patch) {
+                for c in 0..3 {
+                    let flux = f64::from(entry.weights[c]) * area[entry.vertex as usize];
+                    reach[0][p][c] += Rgb::grey(flux);
+                }
+            }
+            for entry in transport.specular(p as Patch) {
+                for c in 0..3 {
+                    let weight = Rgb(entry.weights[c].map(f64::from));
+                    reach[1][p][c] += weight * area[entry.vertex as usize];
+                }
+            }
+        }
+        Self { transport, shot: [none.clone(), none], reach, factors: [Rgb::WHITE; 2] }
+    }
+
+    /// Factor on what is received by one way.
+    pub fn factor(&self, way: Way) -> Rgb {
+        self.factors[way as usize]
+    }
+
+    /// What patches would send one way if they shot now and what vertices would receive of it [W].
+    fn balance(&self, layer: &Layer<'_>, patches: &[usize], way: Way) -> (Rgb, Rgb) {
+        let (mut sent, mut received) = (Rgb::BLACK, Rgb::BLACK);
+        for &p in patches {
+            let corners = &layer.patches[p];
+            let unshot = self.unshot(layer, p, way);
+            for c in 0..3 {
+                let fate = &self.transport.fates[corners.vertices[c] as usize];
+                let arrives = fate.share(way) - fate.losses[way as usize].sum();
+                sent += unshot[c] * arrives * corners.weights[c];
+                received += unshot[c] * self.reach[way as usize][p][c];
+            }
+        }
+        (sent, received)
+    }
+
+    /// Makes what patches send, if these shoot now, and what vertices receive the same. Rows are integrated each on its
+    /// own, and meshes have their errors: a few tenths of a percent are lost or won at each bounce, and in a bright
+    /// room that adds up. How much is sent is known, and what earlier shots `owe` [W]. Of a few patches rows see too
+    /// little to tell: then all count.
+    pub fn conserve(&mut self, layer: &Layer<'_>, patches: &[usize], way: Way, owed: Rgb) {
+        let (sent, received) = if patches.len() < FEW {
+            let all: Vec<usize> = (0..layer.patches.len()).collect();
+            self.balance(layer, &all, way)
+        } else {
+            self.balance(layer, patches, way)
+        };
+        self.factors[way as usize] = Rgb(std::array::from_fn(|i| {
+            let most = MOST_OWED * sent[i].abs();
+            let factor = (sent[i] + owed[i].clamp(-most, most)) / received[i];
+            // Nothing waits, or rounding is all there is.
+            if factor.is_finite() && factor > 0.0 {
+                factor.clamp(1.0 / MOST_CORRECTED, MOST_CORRECTED)
+            } else {
+                1.0
+            }
+        }));
+    }
+
+    /// What waits at a patch's corners [W/m²].
+    pub fn unshot(&self, layer: &Layer<'_>, patch: usize, way: Way) -> [Rgb; 3] {
+        let (corners, shot) = (layer.corners(patch), &self.shot[way as usize][patch]);
+        [0, 1, 2].map(|c| corners[c] - shot[c])
+    }
+
+    /// What waits, which is taken to be shot by now.
+    pub fn take(&mut self, layer: &Layer<'_>, patch: usize, way: Way) -> [Rgb; 3] {
+        let unshot = self.unshot(layer, patch, way);
+        self.shot[way as usize][patch] = layer.corners(patch);
+        unshot
+    }
+
+    /// Flux that waits at a patch, by the way that it will go, luminances [W].
+    pub fn waiting(&self, layer: &Layer<'_>, patch: usize) -> [f64; 2] {
+        let corners = &layer.patches[patch];
+        [Way::Straight, Way::Specular].map(|way| {
+            let unshot = self.unshot(layer, patch, way);
+            let flux = |c: usize| {
+                let fate = &self.transport.fates[corners.vertices[c] as usize];
+                unshot[c] * fate.share(way) * corners.weights[c]
+            };
+            (flux(0) + flux(1) + flux(2)).luminance()
+        })
+    }
+}
