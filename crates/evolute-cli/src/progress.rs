@@ -1,7 +1,9 @@
-//! The bar on a terminal.
+//! The bar on a terminal, and how long each stage took.
 
 use std::io::IsTerminal;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -11,6 +13,10 @@ use crate::options::Common;
 pub struct Progress {
     bar: ProgressBar,
     done: AtomicU64,
+    /// The present stage and when it began.
+    stage: Mutex<Option<(&'static str, Instant)>>,
+    /// Whether stages are told when they end.
+    verbose: bool,
 }
 
 impl Progress {
@@ -25,7 +31,7 @@ impl Progress {
         {
             bar.set_style(style);
         }
-        Self { bar, done: AtomicU64::new(0) }
+        Self { bar, done: AtomicU64::new(0), stage: Mutex::default(), verbose: common.verbose }
     }
 
     /// One more step is done.
@@ -33,15 +39,31 @@ impl Progress {
         self.bar.set_position(self.done.fetch_add(1, Ordering::Relaxed) + 1);
     }
 
-    /// So much of so much is done.
-    pub fn set(&self, done: u64, total: u64) {
+    /// So much of so much of a stage is done.
+    pub fn set(&self, stage: &'static str, done: u64, total: u64) {
+        if let Ok(mut present) = self.stage.lock()
+            && present.is_none_or(|(name, _)| name != stage)
+        {
+            self.end(present.replace((stage, Instant::now())));
+            self.bar.set_message(stage);
+            self.bar.reset();
+        }
         self.bar.set_length(total);
         self.bar.set_position(done);
+    }
+
+    /// Tells how long a stage took.
+    fn end(&self, stage: Option<(&'static str, Instant)>) {
+        let Some((name, begin)) = stage.filter(|_| self.verbose) else { return };
+        let seconds = begin.elapsed().as_secs_f64();
+        self.bar.suspend(|| eprintln!("{name}: {seconds:.1} s"));
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
+        let last = self.stage.lock().ok().and_then(|mut stage| stage.take());
+        self.end(last);
         self.bar.finish_and_clear();
     }
 }

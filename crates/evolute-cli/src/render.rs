@@ -9,8 +9,8 @@ use evolute::output::{
     Exposure, ExrAttributes, Raster, check_target, encode_exr, encode_png, encode_radiance,
     replace_file,
 };
-use evolute::trace::Tracer;
 use evolute::solve::{Solver, SolverSettings};
+use evolute::trace::Tracer;
 use evolute::transfer::{Control, Order};
 use evolute::view::{Mode, Picture, ViewSettings};
 
@@ -93,15 +93,26 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
                 Order::Go
             }
         },
-        progress: &|_, done, total| progress.set(done, total),
+        progress: &|stage, done, total| progress.set(stage, done, total),
     };
     let solver_settings = SolverSettings { transfer, ..SolverSettings::default() };
-    let mut solver = Solver::new(&scene, &tracer, &solver_settings, &control).ok_or(Failure::Interrupted)?;
+    let mut solver =
+        Solver::new(&scene, &tracer, &solver_settings, &control).ok_or(Failure::Interrupted)?;
     summary.lap("prepare_solution");
     while solver.step().is_some() {}
     let seconds = summary.lap("solve");
-    session::detail(common, &format!("solution in {seconds:.1} s: {:?}\n{:?}", solver.counts(), solver.ledger()));
-    let picture = evolute::view::render(&scene, &tracer, sensor, Some(solver.solution()), &settings, &control);
+    session::detail(
+        common,
+        &format!("solution in {seconds:.1} s: {:?}\n{:?}", solver.counts(), solver.ledger()),
+    );
+    let picture = evolute::view::render(
+        &scene,
+        &tracer,
+        sensor,
+        Some(solver.solution()),
+        &settings,
+        &control,
+    );
     drop(progress);
     let picture = picture.ok_or(Failure::Interrupted)?;
     let seconds = summary.lap("compute");

@@ -9,7 +9,7 @@ use std::time::Instant;
 use common::{receiver, rectangle, scene, shape};
 use evolute::geometry::Rgb;
 use evolute::scene::{Material, Scene, SideMaterial};
-use evolute::solve::{Scheme, Solver, SolverSettings};
+use evolute::solve::{Component, Scheme, Solver, SolverSettings};
 use evolute::trace::Tracer;
 use evolute::transfer::{Control, HemisphereSettings, TransferSettings};
 
@@ -85,7 +85,7 @@ fn solved<'s>(scene: &'s Scene, tracer: &Tracer<'_>, settings: &SolverSettings) 
 
 /// Mean of the indirect irradiance over all sheets, and their area.
 fn mean_indirect(solver: &Solver<'_>) -> (f64, f64) {
-    let reflected = solver.solution().reflected();
+    let reflected = solver.solution().layer(Component::Indirect);
     let areas = reflected.meshes().iter().map(|mesh| mesh.surface().area());
     let area = areas.sum();
     (reflected.flux().0.luminance() / area, area)

@@ -4,54 +4,112 @@ use rayon::prelude::*;
 
 use super::growth::{Growth, Light, Rule, grow};
 use super::rows::ambient;
-use super::{Sheet, SolverSettings};
+use super::{Layer, Sheet, SolverSettings};
 use crate::geometry::Rgb;
 use crate::receiver::TriangleMesh;
 use crate::scene::Scene;
+use crate::surface::ChartPoint;
 use crate::trace::tree::{Limits, Losses};
 use crate::trace::{Anchor, Tracer};
-use crate::transfer::{
-    Components, Control, HemisphereSettings, Order, Receiver, ReceiverLight, Transfer, gather,
-};
+use crate::transfer::{Components, Control, HemisphereSettings, Order, Receiver, Transfer, gather};
 
 /// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy.
 const INTERPOLATION: f64 = 0.25;
 
-/// The same of the light at a place.
-const LOCAL: f64 = 0.5;
+/// How finely one part of the lamps' light is followed.
+struct Fineness {
+    stage: &'static str,
+    components: Components,
+    /// Part of the light at a place that interpolation may be wrong by, in units of the accuracy,
+    local: f64,
+    /// and edges down to which that counts, as a part of the first ones: light of lamps may end anywhere.
+    fine: f64,
+}
 
-impl Light for ReceiverLight {
+/// Direct light costs little.
+const DIRECT: Fineness = Fineness {
+    stage: "direct light",
+    components: Components { direct: true, specular: false },
+    local: 0.5,
+    fine: 0.125,
+};
+
+const SPECULAR: Fineness = Fineness {
+    stage: "specular light",
+    components: Components { direct: false, specular: true },
+    local: 2.0,
+    fine: 0.25,
+};
+
+/// One part of the lamps' light at a vertex.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LampLight {
+    pub irradiance: Rgb,
+    /// Estimated error of its luminance [W/m²].
+    pub error: f64,
+    /// Luminance of what is known to come there otherwise [W/m²].
+    beside: f64,
+}
+
+impl Light for LampLight {
     fn luminance(&self) -> f64 {
-        (self.direct + self.specular).luminance()
+        self.irradiance.luminance()
     }
 
     fn in_all(&self) -> f64 {
-        self.luminance()
+        self.luminance() + self.beside
     }
 
     fn between(a: &Self, b: &Self, fraction: f64) -> Self {
-        let of = |a: Rgb, b: Rgb| a * (1.0 - fraction) + b * fraction;
         Self {
-            direct: of(a.direct, b.direct),
-            specular: of(a.specular, b.specular),
+            irradiance: a.irradiance * (1.0 - fraction) + b.irradiance * fraction,
             error: a.error.max(b.error),
-            met: false,
-            stopped: true,
-            ..Self::default()
+            beside: a.beside.max(b.beside),
         }
     }
 }
 
-/// Meshes lit by lamps, with first triangles of about `edge` [m]; whether there was time for it.
-pub(super) fn illuminate<'s>(
+/// What lamps send straight, on meshes with first triangles of about `edge` [m]; whether there was time for it.
+pub(super) fn direct<'s>(
     scene: &'s Scene,
     sheets: &[Sheet],
-    transfer: &Transfer<'_>,
     tracer: &Tracer<'_>,
     edge: f64,
     settings: &SolverSettings,
     control: &Control<'_>,
-) -> (Vec<Growth<'s, ReceiverLight>>, bool) {
+) -> (Layer<'s>, bool) {
+    illuminate(scene, sheets, tracer, edge, settings, control, &DIRECT, &|_, _| 0.0)
+}
+
+/// What lamps send by specular chains, in addition to direct light.
+pub(super) fn specular<'s>(
+    scene: &'s Scene,
+    sheets: &[Sheet],
+    tracer: &Tracer<'_>,
+    edge: f64,
+    settings: &SolverSettings,
+    control: &Control<'_>,
+    direct: &Layer<'_>,
+) -> (Layer<'s>, bool) {
+    if !scene.shapes.iter().any(|s| s.material.is_specular()) {
+        return (Layer::dark(scene, sheets, edge), true);
+    }
+    let beside = |sheet: usize, site: &ChartPoint| direct.at(sheet, site).luminance();
+    illuminate(scene, sheets, tracer, edge, settings, control, &SPECULAR, &beside)
+}
+
+#[allow(clippy::too_many_arguments)]
+fn illuminate<'s>(
+    scene: &'s Scene,
+    sheets: &[Sheet],
+    tracer: &Tracer<'_>,
+    edge: f64,
+    settings: &SolverSettings,
+    control: &Control<'_>,
+    fineness: &Fineness,
+    beside: &(dyn Fn(usize, &ChartPoint) -> f64 + Sync),
+) -> (Layer<'s>, bool) {
+    let transfer = Transfer::new(scene, tracer, settings.transfer);
     let of = |sheet: &Sheet| Growth {
         mesh: TriangleMesh::new(&scene.shape(sheet.shape).surface, edge),
         light: Vec::new(),
@@ -60,22 +118,34 @@ pub(super) fn illuminate<'s>(
     let relative = settings.transfer.relative;
     let surfaces = sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
     let ambient = ambient(scene.emitted_flux(), surfaces).luminance();
+    let emitted = scene.emitted_flux().luminance();
     let rule = Rule {
-        stage: "light of lamps",
-        allowed: &|received| INTERPOLATION * relative * received,
+        stage: fineness.stage,
+        allowed: &|_| INTERPOLATION * relative * emitted,
         shortest: super::SHORTEST * edge,
-        allowed_here: &|light| LOCAL * relative * (light + ambient),
-        fine: super::FINE * edge,
+        allowed_here: &|light| fineness.local * relative * light,
+        fine: fineness.fine * edge,
         max_vertices: settings.max_vertices,
     };
     let stop = || (control.order)() != Order::Go;
-    let both = Components { direct: true, specular: true };
     let whole = grow(&mut growths, &rule, control, &|sheet, mesh, vertex| {
         let (receiver, _) = sheets[sheet].receiver(tracer, mesh, vertex);
-        let light = transfer.light_until(&receiver, both, 0.0, &stop);
-        (!light.stopped).then_some(light)
+        // Other light will be there, too, so that shadows need not be known as well as if they were all there is.
+        let site = &mesh.vertices()[vertex as usize].site;
+        let beside = ambient + beside(sheet, site);
+        let light = transfer.light_until(&receiver, fineness.components, relative * beside, &stop);
+        (!light.stopped).then_some(LampLight {
+            irradiance: light.direct + light.specular,
+            error: light.error,
+            beside,
+        })
     });
-    (growths, whole)
+    let error = growths.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
+    let irradiance = growths.iter().flat_map(|g| g.light.iter().map(|l| l.irradiance)).collect();
+    let meshes = growths.into_iter().map(|g| g.mesh).collect();
+    let mut layer = Layer::new(sheets, meshes, irradiance, error);
+    layer.bend();
+    (layer, whole)
 }
 
 /// What of the lamps' flux does not come to diffuse surfaces [W]: by directions from points of their own.

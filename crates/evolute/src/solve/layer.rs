@@ -7,6 +7,7 @@ use super::Sheet;
 use super::transport::Patch;
 use crate::geometry::Rgb;
 use crate::receiver::{Stencil, TriangleMesh, merged};
+use crate::scene::Scene;
 use crate::surface::ChartPoint;
 
 /// A triangle of a layer.
@@ -81,6 +82,14 @@ impl<'s> Layer<'s> {
         }
         layer.weigh();
         layer
+    }
+
+    /// No light, on meshes with triangles of about `edge` [m].
+    pub(super) fn dark(scene: &'s Scene, sheets: &[Sheet], edge: f64) -> Self {
+        let mesh = |s: &Sheet| TriangleMesh::new(&scene.shape(s.shape).surface, edge);
+        let meshes: Vec<_> = sheets.iter().map(mesh).collect();
+        let count = meshes.iter().map(|m| m.vertices().len()).sum();
+        Self::new(sheets, meshes, vec![Rgb::BLACK; count], vec![0.0; count])
     }
 
     /// The meshes, by sheet.

@@ -11,8 +11,9 @@
 //! | `unshot_specular_rad` | that less what a patch's corner has shot by specular chains |
 //! | `tmp_specular_rad` | what all vertices receive in a specular iteration, given to them at its end |
 //!
-//! Patches are the triangles of two layers of meshes: those that lamps light, which shoot once, and those that
-//! reflected light is received on, which shoot what they have received (`layer.rs`).
+//! Patches are the triangles of three layers of meshes: those that lamps light, directly and by specular chains,
+//! which shoot once, and those that reflected light is received on, which shoot what they have received
+//! (`layer.rs`).
 
 mod growth;
 mod lamps;
@@ -30,12 +31,12 @@ use crate::geometry::Rgb;
 use crate::scene::Scene;
 use crate::trace::Tracer;
 use crate::trace::tree::{Limits, Losses};
-use crate::transfer::{Control, LONGEST_CHAIN, Order, Transfer, TransferSettings};
+use crate::transfer::{Control, LONGEST_CHAIN, Order, TransferSettings};
 
 pub use layer::Layer;
 pub use ledger::Ledger;
 pub use sheet::Sheet;
-pub use solution::{LightParts, Solution};
+pub use solution::{Component, Solution};
 use source::{Source, Way};
 use transport::{BoundRow, Fate, Patch, Transport};
 
@@ -91,10 +92,10 @@ pub struct SolverCounts {
     pub diffuse: u64,
     /// Specular iterations.
     pub specular: u64,
-    /// Triangles that shoot: the lamps' light, and what was reflected before.
-    pub patches: [usize; 2],
-    /// Vertices that receive: lamps' light, and reflected light.
-    pub vertices: [usize; 2],
+    /// Triangles that shoot, by [`Component`] of what they have received.
+    pub patches: [usize; 3],
+    /// Vertices that receive.
+    pub vertices: [usize; 3],
     /// Pairs of a patch and a vertex that it lights: straight, and by specular chains.
     pub links: [usize; 2],
     /// Rays traced to find them.
@@ -112,14 +113,15 @@ enum Plan {
     Specular,
 }
 
-/// A patch of one of the two layers: 0 that of lamps' light, 1 that of reflected light.
+/// A patch of a layer, that by the number of its [`Component`].
 type Shooter = (usize, Patch);
 
 /// The loop, and the only state that changes.
 pub struct Solver<'s> {
     settings: SolverSettings,
     solution: Solution<'s>,
-    sources: [Source; 2],
+    /// By [`Component`].
+    sources: [Source; 3],
     /// Patches to shoot next, the last first.
     agenda: Vec<Shooter>,
     ledger: Ledger,
@@ -143,9 +145,6 @@ const FIRST_TRIANGLES: f64 = 2000.0;
 /// Shortest edges of triangles, as a part of the first ones.
 const SHORTEST: f64 = 1.0 / 32.0;
 
-/// Edges down to which triangles are cut wherever light is not linear, as a part of the first ones.
-const FINE: f64 = 1.0 / 8.0;
-
 impl<'s> Solver<'s> {
     /// Makes meshes, lights them from lamps, and gathers rows. `None` if `control` says [`Order::Abandon`].
     pub fn new(
@@ -155,19 +154,15 @@ impl<'s> Solver<'s> {
         control: &Control<'_>,
     ) -> Option<Self> {
         let edge = settings.edge.unwrap_or_else(|| (scene.surface_area() / FIRST_TRIANGLES).sqrt());
-        let transfer = Transfer::new(scene, tracer, settings.transfer);
         let sheets = Sheet::all(scene);
-        let (lit, whole) =
-            lamps::illuminate(scene, &sheets, &transfer, tracer, edge, settings, control);
-        let mut complete = whole;
-        let lamp_error: Vec<f64> = lit.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
-        let parts: Vec<_> = lit.iter().flat_map(|g| g.light.iter().copied()).collect();
-        let irradiance = parts.iter().map(|l| l.direct + l.specular).collect();
-        let meshes = lit.into_iter().map(|g| g.mesh).collect();
-        let mut lamps = Layer::new(&sheets, meshes, irradiance, lamp_error);
-        lamps.bend();
-        let mut solution = Solution::new(sheets, lamps, parts);
-        if (control.order)() == Order::Abandon {
+        let go = || (control.order)() != Order::Abandon;
+        let (direct, mut complete) = lamps::direct(scene, &sheets, tracer, edge, settings, control);
+        let (specular, whole) =
+            lamps::specular(scene, &sheets, tracer, edge, settings, control, &direct);
+        complete &= whole;
+        let dark = Layer::dark(scene, &sheets, edge);
+        let mut solution = Solution::new(sheets, [direct, specular, dark]);
+        if !go() {
             return None;
         }
         let mut counts = SolverCounts::default();
@@ -175,7 +170,7 @@ impl<'s> Solver<'s> {
         let (seen, whole) =
             rows::gather_rows(scene, tracer, &solution, &limits, edge, settings, control);
         complete &= whole;
-        if (control.order)() == Order::Abandon {
+        if !go() {
             return None;
         }
         let error: Vec<f64> = seen.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
@@ -189,29 +184,24 @@ impl<'s> Solver<'s> {
             }
         }
         let dark = vec![Rgb::BLACK; rows.len()];
-        solution.reflected = Layer::new(&solution.sheets, meshes, dark, error);
-
-        let lamp_fates = solution
-            .lamps
-            .vertices()
-            .map(|(sheet, v)| {
-                let site = solution.lamps.meshes()[sheet].vertices()[v as usize].site;
-                let (patch, weights) = solution.reflected.locate(sheet, &site);
-                let corners = solution.reflected.patches[patch as usize].vertices;
+        let indirect = Layer::new(solution.sheets(), meshes, dark, error);
+        let sources = [&solution.layers[0], &solution.layers[1], &indirect].map(|layer| {
+            // Where a vertex sends its light is known at the vertices that have rows.
+            let of = |(sheet, v): (usize, u32)| {
+                let site = layer.meshes()[sheet].vertices()[v as usize].site;
+                let (patch, weights) = indirect.locate(sheet, &site);
+                let corners = indirect.patches[patch as usize].vertices;
                 Fate::between(corners.map(|c| &fates[c as usize]), weights)
-            })
-            .collect();
-        let layers = [&solution.lamps, &solution.reflected];
-        let sources = [lamp_fates, fates].into_iter().zip(layers).map(|(fates, layer)| {
+            };
+            let fates = layer.vertices().map(of).collect();
             let bind = |row| BoundRow::new(row, &|sheet, site| layer.locate(sheet, site));
             let bound: Vec<BoundRow> = rows.par_iter().map(bind).collect();
             let transport = Transport::new(layer.patches.len(), &bound, fates);
-            Source::new(transport, layer.patches.len(), &solution.reflected.area)
+            Source::new(transport, layer.patches.len(), &indirect.area)
         });
-        let sources: Vec<Source> = sources.collect();
-        let Ok(sources) = <[Source; 2]>::try_from(sources) else { unreachable!("there are two") };
-        counts.patches = layers.map(|l| l.patches.len());
-        counts.vertices = layers.map(|l| l.area.len());
+        *solution.indirect_mut() = indirect;
+        counts.patches = solution.layers.each_ref().map(|l| l.patches.len());
+        counts.vertices = solution.layers.each_ref().map(|l| l.area.len());
         for source in &sources {
             let links = source.transport.counts();
             counts.links = [counts.links[0] + links[0], counts.links[1] + links[1]];
@@ -233,7 +223,9 @@ impl<'s> Solver<'s> {
 
     /// Lamps have shone: the first shots of all.
     fn receive_from_lamps(&mut self, scene: &Scene, tracer: &Tracer<'_>) {
-        let (received, kept) = self.solution.lamps.flux();
+        let [(direct, kept), (specular, also_kept), _] =
+            self.solution.layers.each_ref().map(Layer::flux);
+        let (received, kept) = (direct + specular, kept + also_kept);
         let losses = lamps::losses(scene, tracer, &self.limits());
         self.ledger.emitted = scene.emitted_flux();
         self.ledger.shoot(scene.emitted_flux(), &losses, received, kept);
@@ -245,13 +237,9 @@ impl<'s> Solver<'s> {
         limits(&self.settings)
     }
 
-    fn layer(&self, layer: usize) -> &Layer<'s> {
-        if layer == 0 { &self.solution.lamps } else { &self.solution.reflected }
-    }
-
     /// Flux that waits at all patches of a layer, straight and towards specular surfaces, luminances [W].
     fn waiting(&self, layer: usize) -> Vec<[f64; 2]> {
-        let (source, layer) = (&self.sources[layer], self.layer(layer));
+        let (source, layer) = (&self.sources[layer], &self.solution.layers[layer]);
         (0..layer.patches.len()).map(|p| source.waiting(layer, p)).collect()
     }
 
@@ -260,13 +248,14 @@ impl<'s> Solver<'s> {
         if self.agenda.is_empty() {
             match self.plan() {
                 Plan::Rest => {
-                    self.solution.reflected.bend();
+                    self.solution.indirect_mut().bend();
                     return None;
                 }
                 Plan::Specular => {
-                    let all =
-                        |l: usize| (0..self.layer(l).patches.len()).map(move |p| (l, p as Patch));
-                    let shooters: Vec<Shooter> = all(0).chain(all(1)).collect();
+                    let all = |l: usize| {
+                        (0..self.solution.layers[l].patches.len()).map(move |p| (l, p as Patch))
+                    };
+                    let shooters: Vec<Shooter> = (0..3).flat_map(all).collect();
                     self.conserve(&shooters, Way::Specular);
                     self.shoot_specular(&shooters);
                     self.counts.specular += 1;
@@ -293,24 +282,23 @@ impl<'s> Solver<'s> {
     /// Finds the factors by which what these shoot one way is conserved.
     fn conserve(&mut self, shooters: &[Shooter], way: Way) {
         let owed = self.ledger.discretisation - self.first_discretisation;
-        for layer in [0, 1] {
+        for layer in 0..3 {
             let own = shooters.iter().filter(|s| s.0 == layer);
             let patches: Vec<usize> = own.map(|s| s.1 as usize).collect();
-            let lit = if layer == 0 { &self.solution.lamps } else { &self.solution.reflected };
-            self.sources[layer].conserve(lit, &patches, way, owed);
+            self.sources[layer].conserve(&self.solution.layers[layer], &patches, way, owed);
         }
     }
 
     /// What to do next. Looking for the next shooter costs as much as some shots, so that by flux all shoot
     /// that have at least half of the largest, the largest first.
     fn plan(&self) -> Plan {
-        let all = [0, 1].map(|layer| self.waiting(layer));
+        let all = [0, 1, 2].map(|layer| self.waiting(layer));
         let each = || {
             all.iter()
                 .enumerate()
                 .flat_map(|(l, of)| of.iter().enumerate().map(move |(p, w)| ((l, p as Patch), *w)))
         };
-        let sums = each().fold([0.0; 2], |sum, (_, w)| [sum[0] + w[0], sum[1] + w[1]]);
+        let sums = each().fold([0.0; 2], |sum, (_, w)| [sum[0] + w[0].abs(), sum[1] + w[1].abs()]);
         if sums[0] + sums[1] <= self.negligible() {
             return Plan::Rest;
         }
@@ -321,11 +309,13 @@ impl<'s> Solver<'s> {
         let key = |(layer, patch): Shooter, waiting: [f64; 2]| match scheme {
             Scheme::Printed => {
                 let source = &self.sources[layer];
-                let unshot = source.unshot(self.layer(layer), patch as usize, Way::Straight);
+                let unshot =
+                    source.unshot(&self.solution.layers[layer], patch as usize, Way::Straight);
                 unshot.iter().map(Rgb::luminance).sum::<f64>() / 3.0
             }
-            Scheme::Flux => waiting[0],
-            Scheme::Joint => waiting[0] + waiting[1],
+            // Where interpolation has overshot, less than nothing waits.
+            Scheme::Flux => waiting[0].abs(),
+            Scheme::Joint => (waiting[0] + waiting[1]).abs(),
         };
         let mut keys: Vec<(f64, Shooter)> = each().map(|(s, w)| (key(s, w), s)).collect();
         // Taken from the end; of equals the lower number first.
@@ -342,18 +332,18 @@ impl<'s> Solver<'s> {
     /// the accuracy, of the reflected light alone [W].
     fn negligible(&self) -> f64 {
         let solution = &self.solution;
-        let area: f64 = solution.reflected.area.iter().sum();
-        let each = solution.reflected.reflectance.iter().zip(&solution.reflected.area);
+        let indirect = solution.layer(Component::Indirect);
+        let area: f64 = indirect.area.iter().sum();
+        let each = indirect.reflectance.iter().zip(&indirect.area);
         let reflected: f64 = each.map(|(r, a)| r.max() * a / area).sum();
-        let received = solution.reflected.flux().0.luminance();
+        let received = indirect.flux().0.luminance();
         UNSHOT * self.settings.transfer.relative * received * (1.0 - reflected.min(0.999))
     }
 
     /// A diffuse iteration: one patch shoots straight.
     fn shoot_straight(&mut self, (layer, patch): Shooter) {
         let patch = patch as usize;
-        let light = if layer == 0 { &self.solution.lamps } else { &self.solution.reflected };
-        let unshot = self.sources[layer].take(light, patch, Way::Straight);
+        let unshot = self.sources[layer].take(&self.solution.layers[layer], patch, Way::Straight);
         let factor = self.sources[layer].factor(Way::Straight);
         let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
         for entry in self.sources[layer].transport.straight(patch as Patch) {
@@ -362,7 +352,7 @@ impl<'s> Solver<'s> {
                 light += unshot[c] * f64::from(entry.weights[c]);
             }
             light = light * factor;
-            let (flux, kept) = self.solution.reflected.receive(entry.vertex as usize, light);
+            let (flux, kept) = self.solution.indirect_mut().receive(entry.vertex as usize, light);
             received += flux;
             absorbed += kept;
         }
@@ -371,14 +361,14 @@ impl<'s> Solver<'s> {
 
     /// A specular iteration for some patches: all specular surfaces shoot what waits there.
     fn shoot_specular(&mut self, shooters: &[Shooter]) {
-        let mut light = vec![Rgb::BLACK; self.solution.reflected.area.len()];
+        let mut light = vec![Rgb::BLACK; self.solution.layer(Component::Indirect).area.len()];
         let mut shots = Vec::with_capacity(shooters.len());
         for &(layer, patch) in shooters {
-            let lit = if layer == 0 { &self.solution.lamps } else { &self.solution.reflected };
+            let lit = &self.solution.layers[layer];
             let unshot = self.sources[layer].take(lit, patch as usize, Way::Specular);
             let factor = self.sources[layer].factor(Way::Specular);
             let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
-            let reflected = &self.solution.reflected;
+            let reflected = self.solution.layer(Component::Indirect);
             for entry in self.sources[layer].transport.specular(patch) {
                 let v = entry.vertex as usize;
                 let mut own = Rgb::BLACK;
@@ -394,7 +384,7 @@ impl<'s> Solver<'s> {
             shots.push(((layer, patch), unshot, received, absorbed));
         }
         for (v, light) in light.into_iter().enumerate() {
-            self.solution.reflected.receive(v, light);
+            self.solution.indirect_mut().receive(v, light);
         }
         for (shooter, unshot, received, absorbed) in shots {
             self.enter(shooter, unshot, Way::Specular, received, absorbed);
@@ -410,7 +400,7 @@ impl<'s> Solver<'s> {
         received: Rgb,
         absorbed: Rgb,
     ) {
-        let corners = self.layer(layer).patches[patch as usize];
+        let corners = self.solution.layers[layer].patches[patch as usize];
         let (mut shot, mut losses) = (Rgb::BLACK, Losses::default());
         for c in 0..3 {
             let fate: &Fate = &self.sources[layer].transport.fates[corners.vertices[c] as usize];

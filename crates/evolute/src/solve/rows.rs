@@ -19,6 +19,9 @@ const INTERPOLATION: f64 = 0.25;
 /// The same of reflected light at a place.
 const LOCAL: f64 = 0.5;
 
+/// Edges down to which that counts, as a part of the first ones.
+const FINE: f64 = 0.125;
+
 /// Most samples of a row.
 const MAX_SAMPLES: usize = 20_000;
 
@@ -85,9 +88,9 @@ pub(super) fn gather_rows<'s>(
     settings: &SolverSettings,
     control: &Control<'_>,
 ) -> (Vec<Growth<'s, Seen>>, bool) {
-    let lamps = solution.lamps();
-    let received = lamps.flux().0;
-    let surfaces = lamps.area.iter().copied().zip(lamps.reflectance.iter().copied());
+    let [direct, specular, _] = &solution.layers;
+    let received = direct.flux().0 + specular.flux().0;
+    let surfaces = direct.area.iter().copied().zip(direct.reflectance.iter().copied());
     let ambient = ambient(received, surfaces);
     let sheets = solution.sheets();
     let of = |sheet: &Sheet| Growth {
@@ -101,16 +104,17 @@ pub(super) fn gather_rows<'s>(
         allowed: &|own| INTERPOLATION * transfer.relative * (own + received.luminance()),
         shortest: super::SHORTEST * edge,
         allowed_here: &|light| LOCAL * transfer.relative * light,
-        fine: super::FINE * edge,
+        fine: FINE * edge,
         max_vertices: settings.max_vertices,
     };
     let radiosity = |leaf: &Leaf| {
-        let known = solution.lamps_at(scene, leaf);
-        known.map_or(Rgb::BLACK, |light| (light + ambient) * leaf.reflectance)
+        let light = solution.at(scene, leaf).unwrap_or_default();
+        (light[0] + light[1] + ambient) * leaf.reflectance
     };
     let whole = grow(&mut growths, &rule, control, &|sheet, mesh: &TriangleMesh<'_>, vertex| {
         let (receiver, start) = sheets[sheet].receiver(tracer, mesh, vertex);
-        let light = lamps.at(sheet, &mesh.vertices()[vertex as usize].site);
+        let site = &mesh.vertices()[vertex as usize].site;
+        let light = direct.at(sheet, site) + specular.at(sheet, site);
         let expected = (light + ambient).luminance();
         let tolerance = (GATHERING * transfer.relative * expected).max(transfer.absolute);
         let settings = HemisphereSettings { limits: *limits, tolerance, max_samples: MAX_SAMPLES };

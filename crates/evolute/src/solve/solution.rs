@@ -8,41 +8,39 @@ use crate::scene::{Scene, ShapeId};
 use crate::surface::ChartPoint;
 use crate::trace::Tracer;
 use crate::trace::tree::Leaf;
-use crate::transfer::{Gathered, HemisphereSettings, Receiver, ReceiverLight, gather};
+use crate::transfer::{Gathered, HemisphereSettings, Receiver, gather};
 
-/// Irradiance in its parts [W/m²].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LightParts {
+/// The parts of the irradiance, each on meshes of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Component {
     /// From lamps directly.
-    pub direct: Rgb,
+    Direct,
     /// From lamps by specular chains.
-    pub specular: Rgb,
+    Specular,
     /// By way of other diffuse surfaces.
-    pub indirect: Rgb,
+    Indirect,
+}
+
+impl Component {
+    /// All, in the order of their numbers.
+    pub const ALL: [Self; 3] = [Self::Direct, Self::Specular, Self::Indirect];
 }
 
 /// Meshes over all diffuse surfaces, and the light on their vertices.
 #[derive(Clone, Debug)]
 pub struct Solution<'s> {
-    pub(super) sheets: Vec<Sheet>,
+    sheets: Vec<Sheet>,
     /// By shape and side.
     sheet_of: HashMap<(ShapeId, bool), usize>,
-    pub(super) lamps: Layer<'s>,
-    /// By vertex of that layer: its parts.
-    lamp_parts: Vec<ReceiverLight>,
-    pub(super) reflected: Layer<'s>,
+    /// By [`Component`].
+    pub(super) layers: [Layer<'s>; 3],
 }
 
 impl<'s> Solution<'s> {
-    /// Light of lamps, and no other yet, on meshes of their own.
-    pub(super) fn new(
-        sheets: Vec<Sheet>,
-        lamps: Layer<'s>,
-        lamp_parts: Vec<ReceiverLight>,
-    ) -> Self {
+    /// Light on meshes over the same sheets, by [`Component`].
+    pub(super) fn new(sheets: Vec<Sheet>, layers: [Layer<'s>; 3]) -> Self {
         let sheet_of = sheets.iter().enumerate().map(|(i, s)| ((s.shape, s.front), i)).collect();
-        let reflected = Layer::new(&[], Vec::new(), Vec::new(), Vec::new());
-        Self { sheets, sheet_of, lamps, lamp_parts, reflected }
+        Self { sheets, sheet_of, layers }
     }
 
     /// The sheets.
@@ -55,19 +53,13 @@ impl<'s> Solution<'s> {
         self.sheet_of.get(&(shape, front)).copied()
     }
 
-    /// The lamps' own light: direct and specular.
-    pub fn lamps(&self) -> &Layer<'s> {
-        &self.lamps
+    /// The light of one component.
+    pub fn layer(&self, component: Component) -> &Layer<'s> {
+        &self.layers[component as usize]
     }
 
-    /// By vertex of the lamps' layer, through all sheets: its parts.
-    pub fn lamp_parts(&self) -> &[ReceiverLight] {
-        &self.lamp_parts
-    }
-
-    /// Light that was reflected diffusely: indirect.
-    pub fn reflected(&self) -> &Layer<'s> {
-        &self.reflected
+    pub(super) fn indirect_mut(&mut self) -> &mut Layer<'s> {
+        &mut self.layers[Component::Indirect as usize]
     }
 
     /// Where a ray tree ends: the sheet and the place on it; `None` if that side is not diffuse.
@@ -77,37 +69,16 @@ impl<'s> Solution<'s> {
         Some((sheet, site))
     }
 
-    /// The lamps' own light where a ray tree ends [W/m²]; `None` if that side is not diffuse.
-    pub(super) fn lamps_at(&self, scene: &Scene, leaf: &Leaf) -> Option<Rgb> {
+    /// Irradiance where a ray tree ends, by [`Component`] [W/m²]; `None` if that side is not diffuse.
+    pub fn at(&self, scene: &Scene, leaf: &Leaf) -> Option<[Rgb; 3]> {
         let (sheet, site) = self.place(scene, leaf)?;
-        Some(self.lamps.at(sheet, &site))
+        Some(self.layers.each_ref().map(|layer| layer.at(sheet, &site)))
     }
 
-    /// Indirect light where a ray tree ends [W/m²]; `None` if that side is not diffuse.
-    pub fn indirect_at(&self, scene: &Scene, leaf: &Leaf) -> Option<Rgb> {
-        let (sheet, site) = self.place(scene, leaf)?;
-        Some(self.reflected.at(sheet, &site))
-    }
-
-    /// All light where a ray tree ends; `None` if that side is not diffuse.
-    pub fn parts_at(&self, scene: &Scene, leaf: &Leaf) -> Option<LightParts> {
-        let (sheet, site) = self.place(scene, leaf)?;
-        let (patch, weights) = self.lamps.locate(sheet, &site);
-        let mut parts =
-            LightParts { indirect: self.reflected.at(sheet, &site), ..LightParts::default() };
-        for (v, w) in self.lamps.patches[patch as usize].vertices.iter().zip(weights) {
-            let light = &self.lamp_parts[*v as usize];
-            parts.direct += light.direct * w;
-            parts.specular += light.specular * w;
-        }
-        Some(parts)
-    }
-
-    /// Radiosity reflected where a ray tree ends [W/m²]; `None` if that side is not diffuse.
-    pub fn radiosity(&self, scene: &Scene, leaf: &Leaf) -> Option<Rgb> {
-        let (sheet, site) = self.place(scene, leaf)?;
-        let light = self.lamps.at(sheet, &site) + self.reflected.at(sheet, &site);
-        Some(light * self.sheets[sheet].reflectance)
+    /// Radiosity reflected where a ray tree ends [W/m²]; none if that side is not diffuse.
+    pub fn radiosity(&self, scene: &Scene, leaf: &Leaf) -> Rgb {
+        let [direct, specular, indirect] = self.at(scene, leaf).unwrap_or_default();
+        (direct + specular + indirect) * leaf.reflectance
     }
 
     /// Diffusely reflected light at any receiver, on a surface or not, by the meshes' radiosities.
@@ -117,7 +88,7 @@ impl<'s> Solution<'s> {
         receiver: &Receiver,
         settings: &HemisphereSettings,
     ) -> Gathered {
-        let radiosity = |leaf: &Leaf| self.radiosity(tracer.scene(), leaf).unwrap_or_default();
+        let radiosity = |leaf: &Leaf| self.radiosity(tracer.scene(), leaf);
         let start = tracer.contacts(&receiver.position);
         gather(tracer, receiver, &start, &radiosity, settings)
     }

@@ -27,6 +27,7 @@ mod part;
 mod polynomial;
 mod quadrature;
 mod scout;
+mod screen;
 mod settings;
 mod shadow;
 mod shaft;
@@ -45,9 +46,12 @@ pub use settings::{
     Components, Counts, LONGEST_CHAIN, Receiver, ReceiverLight, Stop, TransferSettings, WordShare,
 };
 
+use std::sync::Arc;
+
 use crate::scene::Scene;
 use crate::trace::Tracer;
 use lamp::Lamp;
+use screen::Screens;
 
 /// Computes what reaches receivers of one scene. Shared by threads; a result depends on nothing but
 /// the scene, the settings and the receiver.
@@ -55,13 +59,15 @@ pub struct Transfer<'s> {
     scene: &'s Scene,
     tracer: &'s Tracer<'s>,
     settings: TransferSettings,
-    lamps: Vec<Lamp>,
+    lamps: Arc<[Lamp]>,
+    screens: Arc<Screens>,
 }
 
 impl<'s> Transfer<'s> {
     /// Prepares what all receivers share.
     pub fn new(scene: &'s Scene, tracer: &'s Tracer<'s>, settings: TransferSettings) -> Self {
-        Self { scene, tracer, settings, lamps: Lamp::of(scene) }
+        let screens = Arc::new(Screens::of(scene));
+        Self { scene, tracer, settings, lamps: Lamp::of(scene).into(), screens }
     }
 
     /// The irradiance at a receiver, in the parts asked for.
@@ -83,7 +89,8 @@ impl<'s> Transfer<'s> {
     ) -> ReceiverLight {
         let absolute = self.settings.absolute.max(absolute);
         let settings = TransferSettings { absolute, ..self.settings };
-        Self { settings, lamps: self.lamps.clone(), ..*self }.gather(receiver, components, stop).0
+        let (lamps, screens) = (self.lamps.clone(), self.screens.clone());
+        Self { settings, lamps, screens, ..*self }.gather(receiver, components, stop).0
     }
 
     /// The irradiance at a receiver, and its specular part by word.

@@ -18,6 +18,7 @@ use super::window::look_through;
 use super::word::{WordId, Words};
 use crate::geometry::Rgb;
 use crate::scene::ShapeId;
+use crate::surface::Surface;
 
 /// Share of the tolerance that a word may be worth to be left out; what is left out is added to the
 /// error.
@@ -64,7 +65,7 @@ impl<'s> Transfer<'s> {
                 if specular && brake.asked() {
                     let part = Unseen::First(ShapeId(k));
                     left.unseen.add(part, || self.most_by(receiver, ShapeId(k)));
-                } else if specular {
+                } else if specular && !self.is_hidden(receiver, ShapeId(k)) {
                     level.extend(quadrature.words.begin(ShapeId(k)));
                 }
             }
@@ -129,6 +130,16 @@ impl<'s> Transfer<'s> {
             counts: quadrature.counts(),
         };
         (light, shares)
+    }
+
+    /// Whether something flat stands before all of a shape.
+    fn is_hidden(&self, receiver: &Receiver, shape: ShapeId) -> bool {
+        let surface = &self.scene.shape(shape).surface;
+        let (centre, radius) = match surface {
+            Surface::Sphere(s) => (s.centre(), s.radius()),
+            _ => (surface.bounds().centre(), 0.5 * surface.bounds().diagonal()),
+        };
+        self.screens.hide(&receiver.position, &centre, radius)
     }
 
     fn begin_direct(

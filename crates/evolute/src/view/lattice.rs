@@ -48,6 +48,12 @@ const LARGE_FILM: u32 = 960;
 /// what would show as a jagged edge is worth splitting.
 const CONTRAST: [f64; 4] = [10.0, 10.0, 12.0, 20.0];
 
+/// Blocks below this level are looked at through the eyes of the meshes, at so many points a side, and split where
+/// those differ by this part of all that shows.
+const HINTED: u8 = 1;
+const HINTS: u32 = 4;
+const HINT: f64 = 0.05;
+
 /// Contrast around a node, in tolerances, up to which light is steady enough to be taken for the same
 /// as far as the outline that hides the next node.
 const STEADY: f64 = 3.0;
@@ -162,8 +168,12 @@ impl Lattice {
     pub fn build(view: &View<'_>, part: Part, known: &[Self], control: &Control<'_>) -> Self {
         let mut lattice = Self {
             part,
-            // Indirect light has no edges that could be missed.
-            first: u8::from(view.width <= LARGE_FILM && part != Part::Indirect),
+            // Indirect light has no edges that could be missed, and where specular light has some, meshes may tell.
+            first: match part {
+                Part::Indirect => 0,
+                Part::Specular if view.hint.is_some() => 0,
+                _ => u8::from(view.width <= LARGE_FILM),
+            },
             nodes: HashMap::new(),
             split: HashSet::new(),
             width: view.width * UNITS,
@@ -189,8 +199,11 @@ impl Lattice {
             if lattice.dark == 0.0 {
                 lattice.dark = DARK * lattice.mean_radiance();
             }
-            let splits: Vec<Block> =
-                pending.par_iter().copied().filter(|b| lattice.must_split(b, tolerance)).collect();
+            let splits: Vec<Block> = pending
+                .par_iter()
+                .copied()
+                .filter(|b| lattice.must_split(b, tolerance) || lattice.is_hinted(b, view))
+                .collect();
             pending = lattice.apply(splits);
         }
         lattice
@@ -358,6 +371,29 @@ impl Lattice {
         [(0, 1), (2, 3), (0, 2), (1, 3)]
             .into_iter()
             .any(|(i, j)| self.bends(at[i], at[j], corners[i], corners[j], small))
+    }
+
+    /// Whether the meshes of the first pass show specular light in a block that its corners do not.
+    fn is_hinted(&self, block: &Block, view: &View<'_>) -> bool {
+        let Some(hint) = view.hint.filter(|_| self.part == Part::Specular) else { return false };
+        if block.level >= HINTED || self.split.contains(block) {
+            return false;
+        }
+        let shown = |x: f64, y: f64| {
+            let leaves = view.sight(x / f64::from(UNITS), y / f64::from(UNITS)).leaves;
+            leaves.iter().fold(Rgb::BLACK, |sum, l| sum + l.radiance(hint(l)))
+        };
+        let (size, n) = (f64::from(block.size()), HINTS);
+        let at = |i: u32, b: u32| (f64::from(b) + f64::from(i) / f64::from(n)) * size;
+        let (mut low, mut high) = ([f64::INFINITY; 3], [0f64; 3]);
+        for (i, j) in (0..=n).flat_map(|i| (0..=n).map(move |j| (i, j))) {
+            let x = shown(at(i, block.x), at(j, block.y));
+            let each = [0, 1, 2];
+            (low, high) = (each.map(|i| low[i].min(x[i])), each.map(|i| high[i].max(x[i])));
+        }
+        let corners = block.corners().map(|p| self.nodes.get(&p).map_or(Rgb::BLACK, |n| total(n)));
+        let level = corners.iter().map(Rgb::max).fold(0.0, f64::max) + self.dark;
+        (0..3).any(|i| high[i] - low[i] > HINT * level)
     }
 
     /// Whether enough nodes around one see the same surface, and about the same light on it.

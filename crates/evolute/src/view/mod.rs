@@ -17,7 +17,7 @@ mod resolve;
 
 use crate::geometry::Rgb;
 use crate::scene::{ReconstructionFilter, Scene, Sensor};
-use crate::solve::Solution;
+use crate::solve::{Component, Solution};
 use crate::trace::Tracer;
 use crate::trace::tree::{self, Leaf, Limits, Sight, Trunk};
 use crate::transfer::{Control, Counts, LONGEST_CHAIN, Order, TransferSettings};
@@ -120,6 +120,8 @@ struct View<'s> {
     light: &'s (dyn Fn(&Leaf, Part, f64) -> PartLight + Sync),
     /// The parts that there are, in the order in which they are computed.
     parts: &'s [Part],
+    /// Specular irradiance as the meshes of a first pass have it [W/m²].
+    hint: Option<&'s (dyn Fn(&Leaf) -> Rgb + Sync)>,
     /// Irradiance by [`Part`] as the meshes have it [W/m²], if it is taken from them.
     mesh: Option<&'s (dyn Fn(&Leaf) -> [Rgb; 3] + Sync)>,
     filter: ReconstructionFilter,
@@ -193,9 +195,13 @@ pub fn render(
             Part::Specular => lighting.is_specular(scene),
         })
         .collect();
+    let hint = |leaf: &Leaf| {
+        solution.and_then(|s| s.at(scene, leaf)).unwrap_or_default()[Component::Specular as usize]
+    };
     let of_mesh = |leaf: &Leaf| {
-        let light = solution.and_then(|s| s.parts_at(scene, leaf)).unwrap_or_default();
-        [light.direct, light.indirect, light.specular]
+        let [direct, specular, indirect] =
+            solution.and_then(|s| s.at(scene, leaf)).unwrap_or_default();
+        [direct, indirect, specular]
     };
     let stop = || (control.order)() != Order::Go;
     let light = |leaf: &Leaf, part, absolute| lighting.light(leaf, part, absolute, &stop);
@@ -211,6 +217,7 @@ pub fn render(
         },
         light: &light,
         parts: &parts,
+        hint: solution.is_some().then_some(&hint as _),
         mesh: (settings.mode == Mode::Mesh).then_some(&of_mesh as _),
         filter: sensor.film.filter,
         width,
@@ -284,6 +291,7 @@ mod tests {
             },
             light: &light,
             parts: &[Part::Direct],
+            hint: None,
             mesh: None,
             filter,
             width: PIXELS,

@@ -104,7 +104,7 @@ impl Indirect<'_> {
     fn light(&self, leaf: &Leaf, absolute: f64) -> PartLight {
         let receiver = Receiver { position: leaf.anchor.point.x, normal: leaf.normal };
         // What the mesh says of it.
-        let expected = self.solution.indirect_at(self.tracer.scene(), leaf).unwrap_or_default();
+        let [_, _, expected] = self.solution.at(self.tracer.scene(), leaf).unwrap_or_default();
         let own = self.relative * expected.luminance();
         let settings = HemisphereSettings {
             limits: self.limits,
