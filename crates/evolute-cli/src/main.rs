@@ -9,6 +9,7 @@ mod probe;
 mod progress;
 mod render;
 mod session;
+mod solution;
 mod summary;
 
 use std::process::ExitCode;

@@ -47,8 +47,8 @@ pub struct Common {
     #[arg(short = 'v', long)]
     pub verbose: bool,
     /// Print one JSON object on standard output at the end: timings in s, counts of chains, rays and
-    /// receivers, the largest estimated error, files written. Iterations and an energy ledger belong
-    /// to the radiosity solution and are not in it yet
+    /// receivers, the largest estimated error, files written; of a radiosity solution its iterations and its energy
+    /// ledger
     #[arg(long)]
     pub json: bool,
 }

@@ -2,14 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use evolute::output::{
     Exposure, ExrAttributes, Raster, check_target, encode_exr, encode_png, encode_radiance,
     replace_file,
 };
-use evolute::solve::{Solver, SolverSettings};
 use evolute::trace::Tracer;
 use evolute::transfer::{Control, Order};
 use evolute::view::{Mode, Picture, ViewSettings};
@@ -18,13 +17,14 @@ use crate::failure::Failure;
 use crate::options::{self, Common};
 use crate::progress::Progress;
 use crate::session::{self, Deadline};
+use crate::solution::{self, End};
 use crate::summary::Summary;
 
-/// Draws a scene: direct light and caustics, seen through mirrors and glass
+/// Draws a scene: direct light, caustics and what diffuse surfaces pass on, seen through mirrors and glass
 ///
 /// EXR holds radiance in W/(m² sr) as layers: R,G,B is the sum of direct (light that came to the last
-/// diffuse surface straight from lamps), specular (by mirrors and lenses) and emitted (lamps seen);
-/// indirect is 0 in this version.
+/// diffuse surface straight from lamps), specular (by mirrors and lenses), indirect (by way of other diffuse
+/// surfaces) and emitted (lamps seen).
 /// Z is the length of the path to the first diffuse surface in m, N its normal, irradiance what it
 /// receives in W/m². PNG and Radiance .hdr hold the sum.
 #[derive(Args, Debug)]
@@ -41,12 +41,32 @@ pub struct Arguments {
     /// Columns and rows of the picture [default: the scene's film]
     #[arg(long, value_name = "WxH", value_parser = options::size, allow_hyphen_values = true)]
     size: Option<(u32, u32)>,
+    /// Where light on surfaces comes from: read off the meshes of the radiosity solution, or direct and specular light
+    /// computed anew and indirect light gathered
+    #[arg(long, value_enum, default_value_t = ModeName::Recompute)]
+    mode: ModeName,
     /// Brightness of the PNG: radiance times 2^EV, 1 being nearly white [default: found from the
     /// picture, and told]
     #[arg(long, value_name = "EV", value_parser = options::stops, allow_hyphen_values = true)]
     exposure: Option<f64>,
     #[command(flatten)]
     pub common: Common,
+}
+
+/// [`Mode`] on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ModeName {
+    Mesh,
+    Recompute,
+}
+
+impl From<ModeName> for Mode {
+    fn from(name: ModeName) -> Self {
+        match name {
+            ModeName::Mesh => Self::Mesh,
+            ModeName::Recompute => Self::Recompute,
+        }
+    }
 }
 
 /// The kinds of files.
@@ -78,7 +98,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     };
     let tracer = Tracer::new(&scene);
     let transfer = session::transfer_settings(&scene, common);
-    let settings = ViewSettings { transfer, size: arguments.size, mode: Mode::default() };
+    let settings = ViewSettings { transfer, size: arguments.size, mode: arguments.mode.into() };
     summary.lap("prepare");
 
     session::begin_work();
@@ -95,16 +115,8 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         },
         progress: &|stage, done, total| progress.set(stage, done, total),
     };
-    let solver_settings = SolverSettings { transfer, ..SolverSettings::default() };
-    let mut solver =
-        Solver::new(&scene, &tracer, &solver_settings, &control).ok_or(Failure::Interrupted)?;
-    summary.lap("prepare_solution");
-    while solver.step().is_some() {}
-    let seconds = summary.lap("solve");
-    session::detail(
-        common,
-        &format!("solution in {seconds:.1} s: {:?}\n{:?}", solver.counts(), solver.ledger()),
-    );
+    let (solver, end) = solution::solve(&scene, &tracer, &transfer, common, &control, summary)?;
+    summary.lap("solve");
     let picture = evolute::view::render(
         &scene,
         &tracer,
@@ -136,7 +148,8 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         ),
     );
 
-    let (unmet, receivers, complete) = (picture.unmet, picture.receivers, picture.complete);
+    let (unmet, receivers) = (picture.unmet, picture.receivers);
+    let complete = picture.complete && end == End::Converged;
     let raster = raster(picture, common.unit_factor() as f32);
     let exposure = exposure(arguments, &raster);
     if files.iter().any(|(_, format)| *format == Format::Png) {
@@ -171,7 +184,8 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     }
     if !complete {
         return Err(Failure::Limit(
-            "stopped by --max-time: the picture is written, but coarser than asked for".into(),
+            "stopped by --max-time or --max-iterations: the picture is written, but coarser than asked for"
+                .into(),
         ));
     }
     Ok(())
@@ -224,11 +238,11 @@ fn attributes(scene: &str, common: &Common) -> ExrAttributes {
     ExrAttributes {
         scene: scene.into(),
         units: format!(
-            "R,G,B and the layers direct, specular, emitted: radiance in {radiance}; irradiance: \
+            "R,G,B and the layers direct, specular, indirect, emitted: radiance in {radiance}; irradiance: \
              {irradiance}; Z: m along the path; N: unit normal"
         ),
         comments: format!(
-            "direct and specular light, relative accuracy {}; indirect is not computed",
+            "direct, specular and indirect light, relative accuracy {}",
             common.accuracy
         ),
     }

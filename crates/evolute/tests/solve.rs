@@ -72,6 +72,7 @@ fn solved<'s>(scene: &'s Scene, tracer: &Tracer<'_>, settings: &SolverSettings) 
     let mut solver = Solver::new(scene, tracer, settings, &Control::GO).unwrap();
     let made = clock.elapsed().as_secs_f64();
     while solver.step().is_some() {}
+    solver.finish();
     println!(
         "  made in {made:.2} s, solved by {:.2} s: {:?}",
         clock.elapsed().as_secs_f64(),

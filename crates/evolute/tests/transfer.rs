@@ -4,6 +4,8 @@
 mod common;
 
 use common::{BOTH, SPECULAR, black, glass, mirror, receiver, rectangle, scene, settings, shape};
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use evolute::geometry::{Point3, Transform};
 use evolute::surface::{Cylinder, Sphere, Surface};
 use evolute::trace::Tracer;
@@ -125,11 +127,8 @@ fn a_stopped_receiver_says_what_it_may_lack() {
     let mut chains = 0;
     let mut stops = 0;
     for patience in (0..40).chain((40..400).step_by(20)) {
-        let asked = std::cell::Cell::new(0);
-        let stop = || {
-            asked.set(asked.get() + 1);
-            asked.get() > patience
-        };
+        let asked = AtomicU32::new(0);
+        let stop = || asked.fetch_add(1, Ordering::Relaxed) >= patience;
         let got = transfer.light_until(&receiver, BOTH, 0.0, &stop);
         if !got.stopped {
             assert_eq!(got, whole);
@@ -137,7 +136,7 @@ fn a_stopped_receiver_says_what_it_may_lack() {
         }
         stops += 1;
         // Whoever said yes is not asked again.
-        assert_eq!(asked.get(), patience + 1);
+        assert_eq!(asked.into_inner(), patience + 1);
         let lacks = (sum(&fine) - sum(&got)).abs();
         println!("{patience} {lacks:.3} {:.3} {:?}", got.error, got.counts);
         assert!(!got.met && lacks <= got.error + missed, "{patience}: {lacks} {}", got.error);

@@ -3,9 +3,12 @@
 
 use evolute::geometry::{Point3, UnitVector3, Vector3};
 use evolute::scene::{Scene, load_str};
+use evolute::solve::{Solver, SolverSettings};
 use evolute::trace::Tracer;
-use evolute::transfer::{Components, Receiver, Transfer, TransferSettings};
-use evolute::view::{Control, Order, Picture, ViewSettings, render};
+use evolute::transfer::{
+    Components, Control, HemisphereSettings, Receiver, Transfer, TransferSettings,
+};
+use evolute::view::{Mode, Picture, ViewSettings, render};
 
 const WIDTH: u32 = 40;
 const HEIGHT: u32 = 30;
@@ -53,9 +56,8 @@ fn scene(integrator: &str) -> Scene {
 fn drawn(scene: &Scene, max_specular: u32) -> Picture {
     let tracer = Tracer::new(scene);
     let transfer = TransferSettings { max_specular, ..TransferSettings::default() };
-    let settings = ViewSettings { transfer, size: None };
-    let control = Control { order: &|| Order::Go, progress: &|_, _| {} };
-    render(scene, &tracer, &scene.sensors[0], &settings, &control).unwrap()
+    let settings = ViewSettings { transfer, ..ViewSettings::default() };
+    render(scene, &tracer, &scene.sensors[0], None, &settings, &Control::GO).unwrap()
 }
 
 fn sum(layer: &[[f32; 3]]) -> f64 {
@@ -147,4 +149,81 @@ fn max_depth_counts_as_in_mitsuba() {
         (none[0] - two[0]).abs() < 1e-3 * two[0] && none[1] == 0.0 && none[2] == 0.0,
         "{none:?}"
     );
+}
+
+/// A closed box, a mirror ball and a lamp in it.
+const BOX: &str = r#"<scene version="3.0.0">
+    <sensor type="perspective">
+        <float name="fov" value="60"/>
+        <transform name="to_world"><lookat origin="0, -0.9, 0" target="0, 1, -0.2" up="0, 0, 1"/></transform>
+        <film type="hdrfilm">
+            <integer name="width" value="40"/> <integer name="height" value="30"/> <rfilter type="box"/>
+        </film>
+    </sensor>
+    <shape type="cube" id="walls">
+        <boolean name="flip_normals" value="true"/>
+        <bsdf type="diffuse"><rgb name="reflectance" value="0.6, 0.5, 0.4"/></bsdf>
+    </shape>
+    <shape type="sphere" id="ball">
+        <point name="center" x="0.3" y="0.4" z="-0.6"/> <float name="radius" value="0.3"/>
+        <bsdf type="conductor"><string name="material" value="none"/></bsdf>
+    </shape>
+    <shape type="rectangle" id="lamp">
+        <transform name="to_world">
+            <scale value="0.2"/><rotate x="1" angle="180"/><translate z="0.95"/>
+        </transform>
+        <emitter type="area"><rgb name="radiance" value="30"/></emitter>
+    </shape>
+</scene>"#;
+
+/// Indirect light of a picture against what is gathered at the places that its pixels show, and all of it as the
+/// meshes have it.
+#[test]
+fn indirect_light_is_what_is_gathered_and_what_the_meshes_have() {
+    let scene = load_str("box.xml", BOX, &[]).unwrap().scene;
+    let tracer = Tracer::new(&scene);
+    let mut solver =
+        Solver::new(&scene, &tracer, &SolverSettings::default(), &Control::GO).unwrap();
+    while solver.step().is_some() {}
+    solver.finish();
+    let with = |mode| {
+        let settings = ViewSettings { mode, ..ViewSettings::default() };
+        let solution = Some(solver.solution());
+        render(&scene, &tracer, &scene.sensors[0], solution, &settings, &Control::GO).unwrap()
+    };
+    let (computed, read) = (with(Mode::Recompute), with(Mode::Mesh));
+    for (a, b) in [
+        (&computed.direct, &read.direct),
+        (&computed.specular, &read.specular),
+        (&computed.indirect, &read.indirect),
+        (&computed.emitted, &read.emitted),
+    ] {
+        let (a, b) = (sum(a), sum(b));
+        assert!((a - b).abs() < 0.02 * sum(&computed.direct), "{a} {b}");
+    }
+    // Up the middle of the far wall, y = 1: no mirror shows there.
+    for row in [5, 10] {
+        let i = row * 40 + 20;
+        let [nx, ny, nz] = computed.normal[i].map(f64::from);
+        assert!(ny < -0.99, "{nx} {ny} {nz}");
+        let height = 2.0 * (15.0 - (row as f64 + 0.5)) / 40.0 * 30f64.to_radians().tan();
+        let forward = Vector3::new(0.0, 1.9, -0.2).normalize();
+        let up = Vector3::new(0.0, 0.2, 1.9).normalize();
+        let right = 2.0 * 0.5 / 40.0 * 30f64.to_radians().tan();
+        let d = (forward + up * height + Vector3::x() * right).normalize();
+        let distance = 1.9 / d.y;
+        assert!((f64::from(computed.distance[i]) - distance).abs() < 1e-6);
+        let at = Point3::new(0.0, -0.9, 0.0) + d * distance;
+        let receiver = Receiver {
+            // On the wall to the last bit: what lies behind it sees nothing.
+            position: Point3::new(at.x, 1.0, at.z),
+            normal: UnitVector3::new_normalize(Vector3::new(nx, ny, nz)),
+        };
+        let settings =
+            HemisphereSettings { limits: solver.limits(), tolerance: 1e-3, max_samples: 100_000 };
+        let gathered = solver.solution().gather(&tracer, &receiver, &settings).irradiance;
+        let expected = gathered[0] * 0.6 / std::f64::consts::PI;
+        let drawn = f64::from(computed.indirect[i][0]);
+        assert!((drawn / expected - 1.0).abs() < 0.02, "row {row}: {drawn} {expected}");
+    }
 }

@@ -36,8 +36,6 @@ struct Triangle {
     corners: [[f64; 2]; 3],
     /// What is on the other side of the edge from corner i to corner i + 1.
     neighbours: [Option<Side>; 3],
-    /// Where it was cut, if it was.
-    cut: Option<Cut>,
     /// ∫ φ dA of the linear functions that are 1 at one corner and 0 at the others [m²].
     weights: [f64; 3],
 }
@@ -68,6 +66,8 @@ pub struct TriangleMesh<'s> {
     surface: &'s Surface,
     vertices: Vec<Vertex>,
     triangles: Vec<Triangle>,
+    /// Where each triangle was cut, if it was. Apart from them: points are looked for in these.
+    cuts: Vec<Option<Cut>>,
     roots: Roots,
 }
 
@@ -88,7 +88,8 @@ impl<'s> TriangleMesh<'s> {
     /// Triangles with edges of about `edge` [m] and at most half as long again.
     pub fn new(surface: &'s Surface, edge: f64) -> Self {
         let roots = Roots::new(surface, edge);
-        let mut mesh = Self { surface, vertices: Vec::new(), triangles: Vec::new(), roots };
+        let mut mesh =
+            Self { surface, vertices: Vec::new(), triangles: Vec::new(), cuts: Vec::new(), roots };
         mesh.plant();
         mesh.refine_to(1.5 * edge);
         mesh
@@ -98,6 +99,7 @@ impl<'s> TriangleMesh<'s> {
     fn plant(&mut self) {
         let triangles: Vec<Triangle> = self.roots.triangles().iter().map(Triangle::of).collect();
         self.triangles = triangles;
+        self.cuts = vec![None; self.triangles.len()];
         self.link();
         let count = self.triangles.iter().flat_map(|t| t.vertices).max().map_or(0, |v| v + 1);
         // The first triangle has a vertex, or the first that knows it to be on the border.
@@ -254,12 +256,12 @@ impl<'s> TriangleMesh<'s> {
 
     /// Numbers of the triangles that are not cut, in increasing order.
     pub fn triangles(&self) -> impl Iterator<Item = u32> + '_ {
-        (0u32..).zip(&self.triangles).filter(|(_, t)| t.cut.is_none()).map(|(i, _)| i)
+        (0u32..).zip(&self.cuts).filter(|(_, cut)| cut.is_none()).map(|(i, _)| i)
     }
 
     /// Whether a triangle is not cut.
     pub fn is_whole(&self, triangle: u32) -> bool {
-        self.triangles[triangle as usize].cut.is_none()
+        self.cuts[triangle as usize].is_none()
     }
 
     /// Corners of a triangle.
@@ -297,8 +299,18 @@ impl<'s> TriangleMesh<'s> {
 
     /// Where a point of a chart lies in the mesh.
     pub fn locate(&self, point: &ChartPoint) -> Place {
-        let mut triangle = self.roots.locate(point);
-        while let Some(cut) = &self.triangles[triangle as usize].cut {
+        self.locate_from(self.root_at(point), point)
+    }
+
+    /// The first triangle at a point of a chart: the same in all meshes over a surface with first edges of one length.
+    pub fn root_at(&self, point: &ChartPoint) -> u32 {
+        self.roots.locate(point)
+    }
+
+    /// Where a point lies that is in a first triangle.
+    pub fn locate_from(&self, root: u32, point: &ChartPoint) -> Place {
+        let mut triangle = root;
+        while let Some(cut) = &self.cuts[triangle as usize] {
             triangle = cut.parts[usize::from(area(cut.from, cut.to, point.at) < 0.0)];
         }
         let t = &self.triangles[triangle as usize];
@@ -333,7 +345,7 @@ impl<'s> TriangleMesh<'s> {
     pub fn refine_to(&mut self, length: f64) {
         let mut triangle = 0;
         while triangle < self.triangles.len() {
-            while self.triangles[triangle].cut.is_none() {
+            while self.cuts[triangle].is_none() {
                 let (edge, longest) = self.longest_edge(triangle as u32);
                 if longest <= length {
                     break;
@@ -375,7 +387,7 @@ impl<'s> TriangleMesh<'s> {
     /// The part of a triangle, itself if it is not cut, that has the whole edge between two vertices.
     fn find(&self, triangle: u32, ends: [u32; 2]) -> Option<Side> {
         let t = &self.triangles[triangle as usize];
-        match &t.cut {
+        match &self.cuts[triangle as usize] {
             None => {
                 (0..3u8).find(|&e| t.ends(e.into()) == ends).map(|edge| Side { triangle, edge })
             }
@@ -442,7 +454,6 @@ impl<'s> TriangleMesh<'s> {
             vertices: corners.map(|c| c.0),
             corners: corners.map(|c| c.1),
             neighbours,
-            cut: None,
             weights: [0.0; 3],
         };
         let corner = |n: usize| (whole.vertices[n], whole.corners[n]);
@@ -459,7 +470,8 @@ impl<'s> TriangleMesh<'s> {
                     Some(Side { triangle: part, edge: edge as u8 });
             }
         }
-        self.triangles[side.triangle as usize].cut =
+        self.cuts.extend([None; 2]);
+        self.cuts[side.triangle as usize] =
             Some(Cut { parts: [first, first + 1], from: at, to: whole.corners[k] });
         [first, first + 1].map(|triangle| Side { triangle, edge: 0 })
     }
@@ -482,7 +494,7 @@ impl<'s> TriangleMesh<'s> {
                 let n = &self.triangles[side.triangle as usize];
                 let mut ends = n.ends(side.edge.into());
                 ends.reverse();
-                if n.cut.is_some()
+                if self.cuts[side.triangle as usize].is_some()
                     || n.neighbours[usize::from(side.edge)]
                         != Some(Side { triangle: i, edge: e as u8 })
                     || ends != t.ends(e)
@@ -506,7 +518,6 @@ impl Triangle {
             vertices: root.vertices,
             corners: root.corners,
             neighbours: [None; 3],
-            cut: None,
             weights: [0.0; 3],
         }
     }

@@ -25,8 +25,10 @@ pub struct Roots {
 enum Finder {
     /// One for each chart, in order.
     Charts,
-    /// All in one chart: a grid of boxes over it, each with the roots that reach into it.
-    Grid { min: [f64; 2], boxes_per_unit: [f64; 2], size: [usize; 2], boxes: Vec<Vec<u32>> },
+    /// Two for each cell of a lattice, row by row.
+    Lattice { min: [f64; 2], cells_per_unit: [f64; 2], size: [usize; 2] },
+    /// A few, all in one chart.
+    All,
 }
 
 /// Most columns or rows of first triangles: beyond this, memory is the user's problem to be told of.
@@ -35,16 +37,11 @@ const MOST: usize = 2048;
 impl Roots {
     /// Triangles with sides of about `edge` [m]; of spheres and meshes their faces, of any size.
     pub fn new(surface: &Surface, edge: f64) -> Self {
-        let lattice = Lattice::of(surface);
-        let triangles = match surface {
-            Surface::Sphere(_) => sphere(),
-            Surface::Mesh(m) => facets(m),
-            Surface::Disk(_) => disk(),
-            _ => lattice.triangles(surface, edge),
-        };
-        let finder = match surface {
-            Surface::Sphere(_) | Surface::Mesh(_) => Finder::Charts,
-            _ => Finder::grid(&triangles),
+        let (triangles, finder) = match surface {
+            Surface::Sphere(_) => (sphere(), Finder::Charts),
+            Surface::Mesh(m) => (facets(m), Finder::Charts),
+            Surface::Disk(_) => (disk(), Finder::All),
+            _ => Lattice::of(surface).triangles(surface, edge),
         };
         Self { triangles, finder }
     }
@@ -57,16 +54,22 @@ impl Roots {
     pub fn locate(&self, point: &ChartPoint) -> u32 {
         match &self.finder {
             Finder::Charts => point.chart,
-            Finder::Grid { min, boxes_per_unit, size, boxes } => {
-                let [i, j] = [0, 1].map(|k| {
-                    let x = ((point.at[k] - min[k]) * boxes_per_unit[k]).max(0.0) as usize;
-                    x.min(size[k] - 1)
-                });
-                let near = &boxes[j * size[0] + i];
-                let depth = |&r: &u32| self.triangles[r as usize].depth(point.at);
+            Finder::Lattice { min, cells_per_unit, size } => {
+                let mut cell = [0; 2];
+                let mut within = [0.0; 2];
+                for k in 0..2 {
+                    let x = (point.at[k] - min[k]) * cells_per_unit[k];
+                    cell[k] = (x.max(0.0) as usize).min(size[k] - 1);
+                    within[k] = x - cell[k] as f64;
+                }
+                let ([i, j], [u, v]) = (cell, within);
+                let second = if is_rising(i, j) { u < v } else { u + v > 1.0 };
+                (2 * (j * size[0] + i) + usize::from(second)) as u32
+            }
+            Finder::All => {
+                let depth = |r: &u32| self.triangles[*r as usize].depth(point.at);
                 // Of equals the first.
-                near.iter()
-                    .copied()
+                (0..self.triangles.len() as u32)
                     .reduce(|a, b| if depth(&b) > depth(&a) { b } else { a })
                     .unwrap_or(0)
             }
@@ -74,49 +77,16 @@ impl Roots {
     }
 }
 
+/// Which way the diagonal of a lattice's cell runs. They alternate, so that no direction is preferred.
+fn is_rising(i: usize, j: usize) -> bool {
+    (i + j).is_multiple_of(2)
+}
+
 impl Root {
     /// The least of the three weights of a point.
     fn depth(&self, at: [f64; 2]) -> f64 {
         let [a, b, c] = self.corners;
         area(a, b, at).min(area(b, c, at)).min(area(c, a, at)) / area(a, b, c)
-    }
-}
-
-impl Finder {
-    /// About as many boxes as roots.
-    fn grid(roots: &[Root]) -> Self {
-        let corners = || roots.iter().flat_map(|r| r.corners);
-        let min = [0, 1].map(|k| corners().map(|c| c[k]).fold(f64::INFINITY, f64::min));
-        let max = [0, 1].map(|k| corners().map(|c| c[k]).fold(f64::NEG_INFINITY, f64::max));
-        // Boxes follow the roots' shape: as many in a direction as roots fit.
-        let widest = |k: usize| {
-            let width = |r: &Root| {
-                let x = r.corners.map(|c| c[k]);
-                x.into_iter().fold(f64::NEG_INFINITY, f64::max)
-                    - x.into_iter().fold(f64::INFINITY, f64::min)
-            };
-            roots.iter().map(width).fold(0.0, f64::max)
-        };
-        let size =
-            [0, 1].map(|k| (((max[k] - min[k]) / widest(k)).round() as usize).clamp(1, MOST));
-        let boxes_per_unit = [0, 1].map(|k| size[k] as f64 / (max[k] - min[k]));
-        let mut boxes = vec![Vec::new(); size[0] * size[1]];
-        for (n, root) in (0u32..).zip(roots) {
-            // A little more, for points that rounding moves, and pieces between a rim and its chord.
-            let reach = [0, 1].map(|k| {
-                let x = root.corners.map(|c| (c[k] - min[k]) * boxes_per_unit[k]);
-                let (a, b) = (x[0].min(x[1]).min(x[2]), x[0].max(x[1]).max(x[2]));
-                let slack = 0.25 * (b - a);
-                let to = |x: f64| (x.max(0.0) as usize).min(size[k] - 1);
-                to(a - slack)..=to(b + slack)
-            });
-            for j in reach[1].clone() {
-                for i in reach[0].clone() {
-                    boxes[j * size[0] + i].push(n);
-                }
-            }
-        }
-        Self::Grid { min, boxes_per_unit, size, boxes }
     }
 }
 
@@ -135,7 +105,7 @@ impl Lattice {
     }
 
     /// Two triangles for each cell, cells about `edge` [m] wide and high.
-    fn triangles(&self, surface: &Surface, edge: f64) -> Vec<Root> {
+    fn triangles(&self, surface: &Surface, edge: f64) -> (Vec<Root>, Finder) {
         let place = |i: f64, j: f64| {
             let at = [0, 1].map(|k| self.min[k] + [i, j][k] * (self.max[k] - self.min[k]));
             ChartPoint { chart: 0, at }
@@ -180,9 +150,8 @@ impl Lattice {
         for j in 0..rows {
             for i in 0..columns {
                 let square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
-                // Diagonals alternate, so that no direction is preferred.
                 let halves =
-                    if (i + j) % 2 == 0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 1, 3], [1, 2, 3]] };
+                    if is_rising(i, j) { [[0, 1, 2], [0, 2, 3]] } else { [[0, 1, 3], [1, 2, 3]] };
                 for half in halves {
                     let corners = half.map(|c: usize| square[c]);
                     roots.push(Root {
@@ -194,7 +163,8 @@ impl Lattice {
                 }
             }
         }
-        roots
+        let cells_per_unit = [0, 1].map(|k| count[k] as f64 / (self.max[k] - self.min[k]));
+        (roots, Finder::Lattice { min: self.min, cells_per_unit, size: count })
     }
 }
 

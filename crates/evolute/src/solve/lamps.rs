@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use super::growth::{Growth, Light, Rule, grow};
 use super::rows::ambient;
-use super::{Layer, Sheet, SolverSettings};
+use super::{Job, Layer, Sheet};
 use crate::geometry::Rgb;
 use crate::receiver::TriangleMesh;
 use crate::scene::Scene;
 use crate::surface::ChartPoint;
 use crate::trace::tree::{Limits, Losses};
 use crate::trace::{Anchor, Tracer};
-use crate::transfer::{Components, Control, HemisphereSettings, Order, Receiver, Transfer, gather};
+use crate::transfer::{Components, HemisphereSettings, Order, Receiver, Transfer, gather};
 
 /// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy.
 const INTERPOLATION: f64 = 0.25;
@@ -69,46 +69,26 @@ impl Light for LampLight {
     }
 }
 
-/// What lamps send straight, on meshes with first triangles of about `edge` [m]; whether there was time for it.
-pub(super) fn direct<'s>(
-    scene: &'s Scene,
-    sheets: &[Sheet],
-    tracer: &Tracer<'_>,
-    edge: f64,
-    settings: &SolverSettings,
-    control: &Control<'_>,
-) -> (Layer<'s>, bool) {
-    illuminate(scene, sheets, tracer, edge, settings, control, &DIRECT, &|_, _| 0.0)
+/// What lamps send straight; whether there was time for it.
+pub(super) fn direct<'s>(job: &Job<'_, 's>) -> (Layer<'s>, bool) {
+    illuminate(job, &DIRECT, &|_, _| 0.0)
 }
 
 /// What lamps send by specular chains, in addition to direct light.
-pub(super) fn specular<'s>(
-    scene: &'s Scene,
-    sheets: &[Sheet],
-    tracer: &Tracer<'_>,
-    edge: f64,
-    settings: &SolverSettings,
-    control: &Control<'_>,
-    direct: &Layer<'_>,
-) -> (Layer<'s>, bool) {
-    if !scene.shapes.iter().any(|s| s.material.is_specular()) {
-        return (Layer::dark(scene, sheets, edge), true);
+pub(super) fn specular<'s>(job: &Job<'_, 's>, direct: &Layer<'_>) -> (Layer<'s>, bool) {
+    if !job.scene.shapes.iter().any(|s| s.material.is_specular()) {
+        return (Layer::dark(job.scene, job.sheets, job.edge), true);
     }
     let beside = |sheet: usize, site: &ChartPoint| direct.at(sheet, site).luminance();
-    illuminate(scene, sheets, tracer, edge, settings, control, &SPECULAR, &beside)
+    illuminate(job, &SPECULAR, &beside)
 }
 
-#[allow(clippy::too_many_arguments)]
 fn illuminate<'s>(
-    scene: &'s Scene,
-    sheets: &[Sheet],
-    tracer: &Tracer<'_>,
-    edge: f64,
-    settings: &SolverSettings,
-    control: &Control<'_>,
+    job: &Job<'_, 's>,
     fineness: &Fineness,
     beside: &(dyn Fn(usize, &ChartPoint) -> f64 + Sync),
 ) -> (Layer<'s>, bool) {
+    let Job { scene, sheets, tracer, edge, settings, control } = *job;
     let transfer = Transfer::new(scene, tracer, settings.transfer);
     let of = |sheet: &Sheet| Growth {
         mesh: TriangleMesh::new(&scene.shape(sheet.shape).surface, edge),

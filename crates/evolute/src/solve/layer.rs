@@ -122,13 +122,22 @@ impl<'s> Layer<'s> {
 
     /// The patch at a point of a sheet and the weights of its corners.
     pub(super) fn locate(&self, sheet: usize, site: &ChartPoint) -> (Patch, [f64; 3]) {
-        let place = self.meshes[sheet].locate(site);
+        self.locate_from(sheet, self.meshes[sheet].root_at(site), site)
+    }
+
+    fn locate_from(&self, sheet: usize, root: u32, site: &ChartPoint) -> (Patch, [f64; 3]) {
+        let place = self.meshes[sheet].locate_from(root, site);
         (self.patch_of[sheet][place.triangle as usize], place.weights)
     }
 
     /// Irradiance at a point of a sheet [W/m²].
     pub fn at(&self, sheet: usize, site: &ChartPoint) -> Rgb {
-        let (patch, weights) = self.locate(sheet, site);
+        self.at_from(sheet, self.meshes[sheet].root_at(site), site)
+    }
+
+    /// The same in a first triangle, which is known from another layer.
+    pub(super) fn at_from(&self, sheet: usize, root: u32, site: &ChartPoint) -> Rgb {
+        let (patch, weights) = self.locate_from(sheet, root, site);
         let mut sum = Rgb::BLACK;
         for (v, w) in self.patches[patch as usize].vertices.iter().zip(weights) {
             sum += self.irradiance[*v as usize] * w;

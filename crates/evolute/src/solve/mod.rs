@@ -104,6 +104,18 @@ pub struct SolverCounts {
     pub correction: f64,
 }
 
+/// What all layers are made from.
+#[derive(Clone, Copy)]
+struct Job<'j, 's> {
+    scene: &'s Scene,
+    sheets: &'j [Sheet],
+    tracer: &'j Tracer<'j>,
+    /// Length of the first triangles' edges [m].
+    edge: f64,
+    settings: &'j SolverSettings,
+    control: &'j Control<'j>,
+}
+
 /// What to do next.
 enum Plan {
     /// Nothing: what waits does not matter.
@@ -156,19 +168,18 @@ impl<'s> Solver<'s> {
         let edge = settings.edge.unwrap_or_else(|| (scene.surface_area() / FIRST_TRIANGLES).sqrt());
         let sheets = Sheet::all(scene);
         let go = || (control.order)() != Order::Abandon;
-        let (direct, mut complete) = lamps::direct(scene, &sheets, tracer, edge, settings, control);
-        let (specular, whole) =
-            lamps::specular(scene, &sheets, tracer, edge, settings, control, &direct);
+        let job = Job { scene, sheets: &sheets, tracer, edge, settings, control };
+        let (direct, mut complete) = lamps::direct(&job);
+        let (specular, whole) = lamps::specular(&job, &direct);
         complete &= whole;
         let dark = Layer::dark(scene, &sheets, edge);
-        let mut solution = Solution::new(sheets, [direct, specular, dark]);
+        let mut solution = Solution::new(sheets.clone(), [direct, specular, dark]);
         if !go() {
             return None;
         }
         let mut counts = SolverCounts::default();
         let limits = limits(settings);
-        let (seen, whole) =
-            rows::gather_rows(scene, tracer, &solution, &limits, edge, settings, control);
+        let (seen, whole) = rows::gather_rows(&job, &solution, &limits);
         complete &= whole;
         if !go() {
             return None;
@@ -247,10 +258,7 @@ impl<'s> Solver<'s> {
     pub fn step(&mut self) -> Option<Iteration> {
         if self.agenda.is_empty() {
             match self.plan() {
-                Plan::Rest => {
-                    self.solution.indirect_mut().bend();
-                    return None;
-                }
+                Plan::Rest => return None,
                 Plan::Specular => {
                     let all = |l: usize| {
                         (0..self.solution.layers[l].patches.len()).map(move |p| (l, p as Patch))
@@ -426,6 +434,11 @@ impl<'s> Solver<'s> {
     /// Work so far.
     pub fn counts(&self) -> &SolverCounts {
         &self.counts
+    }
+
+    /// Makes the solution ready to be read: its interpolation quadratic. To be called after the last step.
+    pub fn finish(&mut self) {
+        self.solution.indirect_mut().bend();
     }
 
     /// What there is so far.

@@ -2,13 +2,11 @@
 
 use super::growth::{Growth, Light, Rule, grow};
 use super::transport::{Fate, StoredRow};
-use super::{Sheet, Solution, SolverSettings};
+use super::{Job, Sheet, Solution};
 use crate::geometry::Rgb;
 use crate::receiver::TriangleMesh;
-use crate::scene::Scene;
-use crate::trace::Tracer;
 use crate::trace::tree::{Leaf, Limits};
-use crate::transfer::{Control, HemisphereSettings, gather};
+use crate::transfer::{HemisphereSettings, gather};
 
 /// Part of the tolerance that is for the cubature of reflected light.
 const GATHERING: f64 = 0.5;
@@ -17,7 +15,7 @@ const GATHERING: f64 = 0.5;
 const INTERPOLATION: f64 = 0.25;
 
 /// The same of reflected light at a place.
-const LOCAL: f64 = 0.5;
+const LOCAL: f64 = 1.0;
 
 /// Edges down to which that counts, as a part of the first ones.
 const FINE: f64 = 0.125;
@@ -77,22 +75,18 @@ pub(super) fn ambient(flux: Rgb, surfaces: impl Iterator<Item = (f64, Rgb)>) -> 
     }))
 }
 
-/// Gathers rows on meshes with first triangles of about `edge` [m], finely enough for the light that lamps throw on
-/// all surfaces and what it comes to; whether there was time for it.
+/// Gathers rows, finely enough for the light that lamps throw on all surfaces and what it comes to; whether there was
+/// time for it.
 pub(super) fn gather_rows<'s>(
-    scene: &'s Scene,
-    tracer: &Tracer<'_>,
+    job: &Job<'_, 's>,
     solution: &Solution<'_>,
     limits: &Limits,
-    edge: f64,
-    settings: &SolverSettings,
-    control: &Control<'_>,
 ) -> (Vec<Growth<'s, Seen>>, bool) {
+    let Job { scene, sheets, tracer, edge, settings, control } = *job;
     let [direct, specular, _] = &solution.layers;
     let received = direct.flux().0 + specular.flux().0;
     let surfaces = direct.area.iter().copied().zip(direct.reflectance.iter().copied());
     let ambient = ambient(received, surfaces);
-    let sheets = solution.sheets();
     let of = |sheet: &Sheet| Growth {
         mesh: TriangleMesh::new(&scene.shape(sheet.shape).surface, edge),
         light: Vec::new(),

@@ -72,7 +72,8 @@ impl<'s> Solution<'s> {
     /// Irradiance where a ray tree ends, by [`Component`] [W/m²]; `None` if that side is not diffuse.
     pub fn at(&self, scene: &Scene, leaf: &Leaf) -> Option<[Rgb; 3]> {
         let (sheet, site) = self.place(scene, leaf)?;
-        Some(self.layers.each_ref().map(|layer| layer.at(sheet, &site)))
+        let root = self.layers[0].meshes()[sheet].root_at(&site);
+        Some(self.layers.each_ref().map(|layer| layer.at_from(sheet, root, &site)))
     }
 
     /// Radiosity reflected where a ray tree ends [W/m²]; none if that side is not diffuse.

@@ -14,6 +14,9 @@ use crate::transfer::{Link, Row};
 /// A triangle, numbered through all sheets of a layer.
 pub type Patch = u32;
 
+/// Tells the patch at a point of a sheet, and the weights of its corners.
+pub type Locate<'l> = dyn Fn(usize, &ChartPoint) -> (Patch, [f64; 3]) + 'l;
+
 /// A point that shines on a vertex, in single precision: surface, place, weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct StoredLink<W> {
@@ -89,9 +92,8 @@ pub struct BoundRow {
 }
 
 impl BoundRow {
-    /// Finds the patches of a row's links: `locate` tells the patch at a point of a sheet, and the weights of its
-    /// corners.
-    pub fn new(row: &StoredRow, locate: &dyn Fn(usize, &ChartPoint) -> (Patch, [f64; 3])) -> Self {
+    /// Finds the patches of a row's links.
+    pub fn new(row: &StoredRow, locate: &Locate<'_>) -> Self {
         let straight = row.straight.iter().map(|link| {
             let (patch, corners) = locate(link.sheet as usize, &link.site());
             (patch, corners.map(|c| c * f64::from(link.weight)))

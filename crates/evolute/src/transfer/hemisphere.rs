@@ -18,8 +18,9 @@
 //! pattern it can be used again without a ray.
 
 use std::collections::{BinaryHeap, HashMap};
-use std::f64::consts::{FRAC_PI_4, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::hash::{BuildHasherDefault, Hasher};
+use std::sync::LazyLock;
 
 use super::settings::Receiver;
 use crate::geometry::{Ray, Rgb, UnitVector3, Vector3, math, tangent_frame};
@@ -138,24 +139,50 @@ impl Cell {
         })
     }
 
-    /// Weights of the samples: ∫ of the density π/2 sin πq, over q and turns, times the functions that are 1 at
-    /// one of them and 0 at the others: bilinear, and 2 (s (1 − s) + t (1 − t)) for the centre.
+    /// Weights of the samples.
     fn weights(&self) -> [f64; 5] {
-        let side = 1.0 / f64::from(1 << self.level);
-        let start = f64::from(self.x) * side;
-        let mut moments = [0.0; 3];
-        for (s, w) in GAUSS {
-            let density = 2.0 * FRAC_PI_4 * math::sin(PI * (start + s * side));
-            for (k, m) in moments.iter_mut().enumerate() {
-                *m += w * density * s.powi(k as i32);
-            }
-        }
-        let area = 0.5 * side * side;
-        let [m0, m1, m2] = moments.map(|m| m * area);
-        let centre = 2.0 * (m1 - m2) + m0 / 3.0;
-        let (low, high) = (0.5 * (m0 - m1) - 0.25 * centre, 0.5 * m1 - 0.25 * centre);
-        [low, high, high, low, centre]
+        let before = (1 << self.level) - (1 << COARSEST);
+        TABLES.weights[(before + self.x) as usize]
     }
+}
+
+/// What depends on a cell's place alone.
+struct Tables {
+    /// By level from the coarsest, then by place along q.
+    weights: Vec<[f64; 5]>,
+    /// Sine and cosine of the angle to the normal and of that about it, by units.
+    q: Vec<(f64, f64)>,
+    phi: Vec<(f64, f64)>,
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| {
+    let angle = |i: u32| f64::from(i) / f64::from(UNITS) * (1.0 - HORIZON) * FRAC_PI_2;
+    let turn = |i: u32| f64::from(i) / f64::from(TURN_UNITS) * TAU;
+    let levels = COARSEST..=FINEST;
+    Tables {
+        weights: levels.flat_map(|l| (0..1 << l).map(move |x| weights(l, x))).collect(),
+        q: (0..=UNITS).map(|i| math::sin_cos(angle(i))).collect(),
+        phi: (0..TURN_UNITS).map(|i| math::sin_cos(turn(i))).collect(),
+    }
+});
+
+/// ∫ of the density π/2 sin πq, over q and turns, times the functions that are 1 at one of a cell's samples and 0 at the
+/// others: bilinear, and 2 (s (1 − s) + t (1 − t)) for the centre.
+fn weights(level: u8, x: u32) -> [f64; 5] {
+    let side = 1.0 / f64::from(1u32 << level);
+    let start = f64::from(x) * side;
+    let mut moments = [0.0; 3];
+    for (s, w) in GAUSS {
+        let density = FRAC_PI_2 * math::sin(PI * (start + s * side));
+        for (k, m) in moments.iter_mut().enumerate() {
+            *m += w * density * s.powi(k as i32);
+        }
+    }
+    let area = 0.5 * side * side;
+    let [m0, m1, m2] = moments.map(|m| m * area);
+    let centre = 2.0 * (m1 - m2) + m0 / 3.0;
+    let (low, high) = (0.5 * (m0 - m1) - 0.25 * centre, 0.5 * m1 - 0.25 * centre);
+    [low, high, high, low, centre]
 }
 
 /// Gauss's three points of [0, 1] and their weights.
@@ -456,9 +483,8 @@ impl Hemisphere<'_> {
 
     /// The direction of a point.
     fn direction(&self, at: (u32, u32)) -> UnitVector3 {
-        let q = f64::from(at.0) / f64::from(UNITS) * (1.0 - HORIZON);
-        let (sin, cos) = math::sin_cos(2.0 * FRAC_PI_4 * q);
-        let (s, c) = math::sin_cos(2.0 * PI * f64::from(at.1) / f64::from(TURN_UNITS));
+        let (sin, cos) = TABLES.q[at.0 as usize];
+        let (s, c) = TABLES.phi[at.1 as usize];
         let (t1, t2) = self.frame;
         UnitVector3::new_normalize(
             t1 * (sin * c) + t2 * (sin * s) + self.receiver.normal.into_inner() * cos,

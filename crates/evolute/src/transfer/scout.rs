@@ -10,7 +10,7 @@ use std::cell::OnceCell;
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Departure, Event};
+use super::chain::{Departure, Event, Visibility};
 use super::doubt::TRUSTED_TURN;
 use super::extension::facet;
 use super::grid::GridPoint;
@@ -41,6 +41,7 @@ pub fn scout(words: &mut Words<'_>, word: WordId, first: u32, for_letters: bool)
 
 fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_letters: bool) {
     let divide = cell.level < last
+        && !is_behind_one(words, word, cell)
         && match Beam::of(words, word, cell, true) {
             Some(beam) => {
                 for_letters
@@ -66,6 +67,25 @@ fn scout_cell(words: &mut Words<'_>, word: WordId, cell: Square, last: u32, for_
         }
         scout_cell(words, word, child, last, for_letters);
     }
+}
+
+/// Whether one convex body stands in the same leg of the chains at all corners of a cell, and so in all between.
+fn is_behind_one(words: &mut Words<'_>, word: WordId, cell: Square) -> bool {
+    let mut first = None;
+    for at in cell.corners() {
+        let blocker = match words.departure(word, at).map(|d| d.visible) {
+            Some(Visibility::Blocked(Some(blocker))) => blocker,
+            _ => return false,
+        };
+        if *first.get_or_insert(blocker) != blocker {
+            return false;
+        }
+    }
+    first.is_some_and(|blocker| match &words.scene().shape(blocker.shape).surface {
+        Surface::Rectangle(_) | Surface::Disk(_) | Surface::Sphere(_) => true,
+        Surface::Mesh(m) => m.is_convex(),
+        Surface::Cylinder(_) | Surface::Parametric(_) => false,
+    })
 }
 
 /// Whether the chains of a word turn so fast in a cell that those at its corners say little of what lies between.

@@ -140,6 +140,8 @@ fn projected(receiver: &Receiver, bounds: &Aabb) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+
     use super::*;
     use crate::geometry::{Point3, UnitVector3, Vector3};
 

@@ -58,6 +58,9 @@ const HINT: f64 = 0.05;
 /// as far as the outline that hides the next node.
 const STEADY: f64 = 3.0;
 
+/// Factor on the tolerance of indirect light: what interpolation does to light without edges shows less.
+const SMOOTH: f64 = 2.0;
+
 /// Part of the picture's mean radiance below which differences do not count: a fiftieth of white
 /// paper's brightness is near black on a display.
 const DARK: f64 = 0.02;
@@ -171,7 +174,7 @@ impl Lattice {
             // Indirect light has no edges that could be missed, and where specular light has some, meshes may tell.
             first: match part {
                 Part::Indirect => 0,
-                Part::Specular if view.hint.is_some() => 0,
+                _ if view.hint.is_some() => 0,
                 _ => u8::from(view.width <= LARGE_FILM),
             },
             nodes: HashMap::new(),
@@ -185,7 +188,7 @@ impl Lattice {
             largest_error: 0.0,
             complete: true,
         };
-        let tolerance = view.tolerance();
+        let tolerance = view.tolerance() * if part == Part::Indirect { SMOOTH } else { 1.0 };
         let (columns, rows) = (lattice.width.div_ceil(COARSEST), lattice.height.div_ceil(COARSEST));
         let mut pending: Vec<Block> =
             (0..rows).flat_map(|y| (0..columns).map(move |x| Block { level: 0, x, y })).collect();
@@ -375,13 +378,13 @@ impl Lattice {
 
     /// Whether the meshes of the first pass show specular light in a block that its corners do not.
     fn is_hinted(&self, block: &Block, view: &View<'_>) -> bool {
-        let Some(hint) = view.hint.filter(|_| self.part == Part::Specular) else { return false };
+        let Some(hint) = view.hint.filter(|_| self.part != Part::Indirect) else { return false };
         if block.level >= HINTED || self.split.contains(block) {
             return false;
         }
         let shown = |x: f64, y: f64| {
             let leaves = view.sight(x / f64::from(UNITS), y / f64::from(UNITS)).leaves;
-            leaves.iter().fold(Rgb::BLACK, |sum, l| sum + l.radiance(hint(l)))
+            leaves.iter().fold(Rgb::BLACK, |sum, l| sum + l.radiance(hint(l)[self.part as usize]))
         };
         let (size, n) = (f64::from(block.size()), HINTS);
         let at = |i: u32, b: u32| (f64::from(b) + f64::from(i) / f64::from(n)) * size;

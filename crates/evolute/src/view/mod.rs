@@ -17,7 +17,7 @@ mod resolve;
 
 use crate::geometry::Rgb;
 use crate::scene::{ReconstructionFilter, Scene, Sensor};
-use crate::solve::{Component, Solution};
+use crate::solve::Solution;
 use crate::trace::Tracer;
 use crate::trace::tree::{self, Leaf, Limits, Sight, Trunk};
 use crate::transfer::{Control, Counts, LONGEST_CHAIN, Order, TransferSettings};
@@ -111,6 +111,9 @@ const THROUGHPUT: f64 = 1e-5;
 /// Branches behind a place that indirect light comes to are cut below this part of the accuracy.
 const INDIRECT_THROUGHPUT: f64 = 0.01;
 
+/// Irradiance by [`Part`] as the meshes of a first pass have it [W/m²].
+type MeshLight<'s> = &'s (dyn Fn(&Leaf) -> [Rgb; 3] + Sync);
+
 /// Everything a sample needs.
 struct View<'s> {
     tracer: &'s Tracer<'s>,
@@ -120,10 +123,10 @@ struct View<'s> {
     light: &'s (dyn Fn(&Leaf, Part, f64) -> PartLight + Sync),
     /// The parts that there are, in the order in which they are computed.
     parts: &'s [Part],
-    /// Specular irradiance as the meshes of a first pass have it [W/m²].
-    hint: Option<&'s (dyn Fn(&Leaf) -> Rgb + Sync)>,
-    /// Irradiance by [`Part`] as the meshes have it [W/m²], if it is taken from them.
-    mesh: Option<&'s (dyn Fn(&Leaf) -> [Rgb; 3] + Sync)>,
+    /// What tells where edges of light may lie, if there is a first pass.
+    hint: Option<MeshLight<'s>>,
+    /// What light is read off, if it is not computed anew.
+    mesh: Option<MeshLight<'s>>,
     filter: ReconstructionFilter,
     width: u32,
     height: u32,
@@ -195,9 +198,6 @@ pub fn render(
             Part::Specular => lighting.is_specular(scene),
         })
         .collect();
-    let hint = |leaf: &Leaf| {
-        solution.and_then(|s| s.at(scene, leaf)).unwrap_or_default()[Component::Specular as usize]
-    };
     let of_mesh = |leaf: &Leaf| {
         let [direct, specular, indirect] =
             solution.and_then(|s| s.at(scene, leaf)).unwrap_or_default();
@@ -217,8 +217,8 @@ pub fn render(
         },
         light: &light,
         parts: &parts,
-        hint: solution.is_some().then_some(&hint as _),
-        mesh: (settings.mode == Mode::Mesh).then_some(&of_mesh as _),
+        hint: solution.is_some().then_some(&of_mesh as MeshLight<'_>),
+        mesh: (settings.mode == Mode::Mesh).then_some(&of_mesh as MeshLight<'_>),
         filter: sensor.film.filter,
         width,
         height,

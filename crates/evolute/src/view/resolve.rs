@@ -10,7 +10,7 @@ use crate::transfer::{Control, Counts, Order};
 
 use super::filter::FilterTable;
 use super::lattice::{Lattice, irradiance_of};
-use super::receiver::Allowance;
+use super::receiver::{Allowance, Part};
 use super::{Picture, View};
 
 /// Samples of a pixel that needs more than one: a Hammersley set, in which every row, every column
@@ -314,9 +314,13 @@ impl Pixel<'_, '_> {
             return *found;
         }
         let mut found = Rgb::BLACK;
-        if self.may_compute {
+        let part = self.lattices[lattice].part();
+        if let Some(hint) = self.view.hint.filter(|_| part != Part::Direct) {
+            // What shows in a few pixels only may be as coarse as the meshes.
+            found = hint(leaf)[part as usize];
+        } else if self.may_compute {
             let share = self.view.relative * self.allowance(sight, x, y).share(leaf, known);
-            let light = (self.view.light)(leaf, self.lattices[lattice].part(), share);
+            let light = (self.view.light)(leaf, part, share);
             band.counts += light.counts;
             band.receivers += 1;
             band.unmet += u64::from(!light.met);
