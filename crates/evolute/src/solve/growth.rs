@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::{Job, Sheet};
 use crate::receiver::{TriangleMesh, within};
 use crate::transfer::{Control, Order};
 
@@ -41,6 +42,15 @@ pub(super) struct Rule<'r> {
 
 /// Each round cuts the worst triangles that have this part of the error.
 const EACH_ROUND: f64 = 0.5;
+
+impl<'s, L> Growth<'s, L> {
+    /// The first meshes of all sheets, not lit yet.
+    pub fn all(job: &Job<'_, 's>) -> Vec<Self> {
+        let surface = |sheet: &Sheet| &job.scene.shape(sheet.shape).surface;
+        let mesh = |sheet: &Sheet| TriangleMesh::new(surface(sheet), job.edge);
+        job.sheets.iter().map(|s| Self { mesh: mesh(s), light: Vec::new() }).collect()
+    }
+}
 
 impl<L: Light + Default> Growth<'_, L> {
     fn luminance(&self, vertex: u32) -> f64 {

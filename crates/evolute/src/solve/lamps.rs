@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::growth::{Growth, Light, Rule, grow};
 use super::rows::ambient;
-use super::{Job, Layer, Sheet};
+use super::{Job, Layer};
 use crate::geometry::Rgb;
 use crate::receiver::TriangleMesh;
 use crate::scene::Scene;
@@ -71,7 +71,7 @@ impl Light for LampLight {
 
 /// What lamps send straight; whether there was time for it.
 pub(super) fn direct<'s>(job: &Job<'_, 's>) -> (Layer<'s>, bool) {
-    illuminate(job, &DIRECT, &|_, _| 0.0)
+    illuminate(job, &DIRECT, 0.0, &|_, _| 0.0)
 }
 
 /// What lamps send by specular chains, in addition to direct light.
@@ -80,28 +80,25 @@ pub(super) fn specular<'s>(job: &Job<'_, 's>, direct: &Layer<'_>) -> (Layer<'s>,
         return (Layer::dark(job.scene, job.sheets, job.edge), true);
     }
     let beside = |sheet: usize, site: &ChartPoint| direct.at(sheet, site).luminance();
-    illuminate(job, &SPECULAR, &beside)
+    illuminate(job, &SPECULAR, direct.flux().0.luminance(), &beside)
 }
 
+/// One part, beside a flux that is known otherwise [W] and what it brings to a place, luminances [W/m²].
 fn illuminate<'s>(
     job: &Job<'_, 's>,
     fineness: &Fineness,
+    flux: f64,
     beside: &(dyn Fn(usize, &ChartPoint) -> f64 + Sync),
 ) -> (Layer<'s>, bool) {
     let Job { scene, sheets, tracer, edge, settings, control } = *job;
     let transfer = Transfer::new(scene, tracer, settings.transfer);
-    let of = |sheet: &Sheet| Growth {
-        mesh: TriangleMesh::new(&scene.shape(sheet.shape).surface, edge),
-        light: Vec::new(),
-    };
-    let mut growths: Vec<_> = sheets.iter().map(of).collect();
+    let mut growths = Growth::all(job);
     let relative = settings.transfer.relative;
     let surfaces = sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
     let ambient = ambient(scene.emitted_flux(), surfaces).luminance();
-    let emitted = scene.emitted_flux().luminance();
     let rule = Rule {
         stage: fineness.stage,
-        allowed: &|_| INTERPOLATION * relative * emitted,
+        allowed: &|received| INTERPOLATION * relative * (received + flux),
         shortest: super::SHORTEST * edge,
         allowed_here: &|light| fineness.local * relative * light,
         fine: fineness.fine * edge,

@@ -191,7 +191,7 @@ impl<'s> Layer<'s> {
                         },
                     );
                     let middle = mean + bend;
-                    let kept = [0, 1, 2].map(|i| middle[i].clamp(low[i], high[i]) - mean[i]);
+                    let kept = [0, 1, 2].map(|i| middle[i].max(low[i]).min(high[i]) - mean[i]);
                     bends[e] = Rgb(kept);
                 }
             }

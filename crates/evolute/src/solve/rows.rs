@@ -2,7 +2,7 @@
 
 use super::growth::{Growth, Light, Rule, grow};
 use super::transport::{Fate, StoredRow};
-use super::{Job, Sheet, Solution};
+use super::{Job, Solution};
 use crate::geometry::Rgb;
 use crate::receiver::TriangleMesh;
 use crate::trace::tree::{Leaf, Limits};
@@ -87,11 +87,7 @@ pub(super) fn gather_rows<'s>(
     let received = direct.flux().0 + specular.flux().0;
     let surfaces = direct.area.iter().copied().zip(direct.reflectance.iter().copied());
     let ambient = ambient(received, surfaces);
-    let of = |sheet: &Sheet| Growth {
-        mesh: TriangleMesh::new(&scene.shape(sheet.shape).surface, edge),
-        light: Vec::new(),
-    };
-    let mut growths: Vec<_> = sheets.iter().map(of).collect();
+    let mut growths = Growth::all(job);
     let transfer = &settings.transfer;
     let rule = Rule {
         stage: "reflected light",

@@ -100,7 +100,7 @@ impl Source {
         };
         self.factors[way as usize] = Rgb(std::array::from_fn(|i| {
             let most = MOST_OWED * sent[i].abs();
-            let factor = (sent[i] + owed[i].clamp(-most, most)) / received[i];
+            let factor = (sent[i] + owed[i].max(-most).min(most)) / received[i];
             // Nothing waits, or rounding is all there is.
             if factor.is_finite() && factor > 0.0 {
                 factor.clamp(1.0 / MOST_CORRECTED, MOST_CORRECTED)
