@@ -1,5 +1,7 @@
 //! How a run can end other than well.
 
+use std::path::PathBuf;
+
 /// What went wrong, by exit status.
 #[derive(Debug)]
 pub enum Failure {
@@ -11,6 +13,8 @@ pub enum Failure {
     Limit(String),
     /// 130: Ctrl-C. Nothing was written.
     Interrupted,
+    /// 130: Ctrl-C. What was done is in this file.
+    Kept(PathBuf),
 }
 
 impl Failure {
@@ -20,7 +24,7 @@ impl Failure {
             Self::Input(_) => 1,
             Self::Usage(_) => 2,
             Self::Limit(_) => 3,
-            Self::Interrupted => 130,
+            Self::Interrupted | Self::Kept(_) => 130,
         }
     }
 
@@ -33,6 +37,10 @@ impl Failure {
                 if text.starts_with("error") { text.into() } else { format!("error: {text}") }
             }
             Self::Interrupted => "interrupted; nothing was written".into(),
+            Self::Kept(path) => format!(
+                "interrupted; what was done is kept in '{}': repeat the command with --resume to go on",
+                path.display()
+            ),
         }
     }
 }

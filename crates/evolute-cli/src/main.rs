@@ -10,7 +10,9 @@ mod progress;
 mod render;
 mod session;
 mod solution;
+mod solve;
 mod summary;
+mod table;
 
 use std::process::ExitCode;
 
@@ -30,6 +32,7 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   evolute render                                  draws the built-in scene: room.exr and room.png
+  evolute solve desk.xml -o desk.evolute          where light goes, for pictures and points later
   evolute probe desk.xml --points grid.csv        irradiance at the points of a table
   evolute check desk.xml                          reads a scene and says what is in it
 
@@ -39,6 +42,7 @@ for, the result is written; 130 interrupted.";
 #[derive(Subcommand)]
 enum Verb {
     Render(render::Arguments),
+    Solve(solve::Arguments),
     Probe(probe::Arguments),
     Check(check::Arguments),
 }
@@ -47,12 +51,14 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let (name, common) = match &cli.verb {
         Verb::Render(a) => ("render", &a.common),
+        Verb::Solve(a) => ("solve", &a.common),
         Verb::Probe(a) => ("probe", &a.common),
         Verb::Check(a) => ("check", &a.common),
     };
     let mut summary = Summary::new(name);
     let result = session::set_up(common).and_then(|()| match &cli.verb {
         Verb::Render(a) => render::run(a, &mut summary),
+        Verb::Solve(a) => solve::run(a, &mut summary),
         Verb::Probe(a) => probe::run(a, &mut summary),
         Verb::Check(a) => check::run(a, &mut summary),
     });

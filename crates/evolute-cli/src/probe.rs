@@ -6,29 +6,33 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use rayon::prelude::*;
 
-use evolute::output::{
-    Array, ArrayData, check_target, csv_field, csv_number, encode_npz, replace_file,
-};
+use evolute::output::{check_target, replace_file};
+use evolute::solve::{Probe, ProbeLight};
 use evolute::trace::Tracer;
-use evolute::transfer::{Components, Counts, LONGEST_CHAIN, ReceiverLight, Transfer};
+use evolute::transfer::{Components, Counts, LONGEST_CHAIN, TransferSettings};
 
 use crate::failure::Failure;
 use crate::options::Common;
 use crate::points::Points;
 use crate::progress::Progress;
 use crate::session::{self, Deadline};
+use crate::solution::{self, Job};
 use crate::summary::Summary;
+use crate::table::{Asked, Table};
 
 /// Irradiance at the points of a table
 ///
 /// The table is CSV with the header x,y,z,nx,ny,nz (positions in metres; normals of any length);
 /// further columns are carried through. The result has the same rows in the same order, then
 /// direct_r, direct_g, direct_b, specular_r, … of the components asked for, and error: the estimated
-/// absolute error of the luminance of their sum. All in W/m².
+/// absolute error of the luminance of their sum. All in W/m². Indirect light and the total need a radiosity
+/// solution, which is made, or read with --solution.
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Example:
-  printf 'x,y,z,nx,ny,nz\\n0,0,0.76,0,0,1\\n' | evolute probe desk.xml --points - -a 1e-3")]
+Examples:
+  evolute probe desk.xml --points grid.csv --solution desk.evolute -o light.csv
+  printf 'x,y,z,nx,ny,nz\\n0,0,0.76,0,0,1\\n' | \
+    evolute probe desk.xml --points - --components direct,specular -a 1e-3")]
 pub struct Arguments {
     /// The scene: Mitsuba 3 XML
     scene: PathBuf,
@@ -38,10 +42,13 @@ pub struct Arguments {
     /// Where the result goes; - is standard output
     #[arg(short = 'o', long, value_name = "FILE.csv|.npz|-", default_value = "-")]
     output: PathBuf,
-    /// Parts of the irradiance: direct, specular [default: both; the radiosity solution that indirect
-    /// and total need is not part of this version]
+    /// Parts of the irradiance: direct, specular (by mirrors and lenses), indirect (by way of other diffuse surfaces),
+    /// total [default: all four]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     components: Vec<String>,
+    /// A radiosity solution of the scene that 'evolute solve' wrote [default: one is made if it is needed]
+    #[arg(long, value_name = "FILE.evolute")]
+    solution: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }
@@ -56,7 +63,7 @@ enum Format {
 /// Runs the verb.
 pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> {
     let common = &arguments.common;
-    let asked = components(&arguments.components)?;
+    let asked = Asked::parse(&arguments.components)?;
     let format = format_of(&arguments.output)?;
     let to_stdout = arguments.output == Path::new("-");
     if !to_stdout {
@@ -65,31 +72,46 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     }
     let deadline = Deadline::new(common);
     let points = read_points(&arguments.points)?;
-    let results = result_columns(asked);
-    if let Some(clash) = results.iter().find(|c| points.columns.contains(c)) {
+    if let Some(clash) = asked.columns().iter().find(|c| points.columns.contains(c)) {
         return Err(Failure::Input(format!(
             "the table already has a column '{clash}', which probe writes; rename or remove it"
         )));
     }
     if format == Format::Npz {
-        check_arrays(&points, asked)?;
+        asked.check_arrays(&points)?;
     }
     let scene = session::load(&arguments.scene, common, summary)?;
     let tracer = Tracer::new(&scene);
-    let mut settings = session::transfer_settings(&scene, common);
+    let transfer = session::transfer_settings(&scene, common);
     // Mitsuba's max_depth counts the edges of a path: one from a lamp straight to the receiver.
     let depth = scene.max_depth.unwrap_or(u32::MAX);
-    settings.max_specular = settings.max_specular.min(depth.saturating_sub(1));
+    let max_specular = transfer.max_specular.min(depth.saturating_sub(1));
+    let settings = TransferSettings { max_specular, ..transfer };
     let computed = Components {
-        direct: asked.direct && depth > 0,
-        specular: asked.specular && settings.max_specular > 0,
+        direct: (asked.direct || asked.total) && depth > 0,
+        specular: (asked.specular || asked.total) && max_specular > 0,
     };
-    let transfer = Transfer::new(&scene, &tracer, settings);
+    // Another one takes the diffuse reflection.
+    let is_indirect = (asked.indirect || asked.total) && depth > 1;
     summary.lap("prepare");
 
     session::begin_work();
-    let progress = Progress::new(common, "receivers", points.receivers.len() as u64);
-    let lights: Vec<Option<ReceiverLight>> = points
+    let progress = Progress::new(common, "receivers", 0);
+    let file = arguments.solution.as_deref();
+    let job = Job {
+        scene: &scene,
+        tracer: &tracer,
+        transfer,
+        common,
+        deadline: &deadline,
+        progress: &progress,
+    };
+    let outcome = if is_indirect { Some(job.outcome(file, summary)?) } else { None };
+    let shortfall = outcome.as_ref().and_then(|o| solution::shortfall(o, file));
+    summary.lap("solve");
+    let probe = Probe::new(&scene, &tracer, &settings, computed, outcome.as_ref());
+    progress.begin("receivers", points.receivers.len() as u64);
+    let lights: Vec<Option<ProbeLight>> = points
         .receivers
         .par_iter()
         .map(|receiver| {
@@ -97,7 +119,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             if stop() {
                 return None;
             }
-            let light = transfer.light_until(receiver, computed, 0.0, &stop);
+            let light = probe.light(receiver, &stop);
             progress.step();
             Some(light)
         })
@@ -133,7 +155,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
 
     let table = Table { points: &points, lights: &lights, asked, factor };
     let bytes = match format {
-        Format::Csv => table.csv(&results).into_bytes(),
+        Format::Csv => table.csv().into_bytes(),
         Format::Npz => table.npz()?,
     };
     if to_stdout {
@@ -160,34 +182,12 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             lights.len() - done,
         )));
     }
-    Ok(())
-}
-
-/// What the list asks for.
-fn components(list: &[String]) -> Result<Components, Failure> {
-    if list.is_empty() {
-        return Ok(Components { direct: true, specular: true });
+    match shortfall {
+        None => Ok(()),
+        Some(why) => Err(Failure::Limit(format!(
+            "{why}: indirect light is written as far as it is known, with an error that says so"
+        ))),
     }
-    let mut asked = Components { direct: false, specular: false };
-    for name in list {
-        match name.trim() {
-            "direct" => asked.direct = true,
-            "specular" => asked.specular = true,
-            "indirect" | "total" => {
-                return Err(Failure::Usage(format!(
-                    "component '{}' needs the radiosity solution, which is not part of this version; \
-                     ask for --components direct,specular",
-                    name.trim()
-                )));
-            }
-            other => {
-                return Err(Failure::Usage(format!(
-                    "'{other}' is not a component; they are direct and specular"
-                )));
-            }
-        }
-    }
-    Ok(asked)
 }
 
 fn format_of(output: &Path) -> Result<Format, Failure> {
@@ -249,152 +249,4 @@ fn read_points(path: &Path) -> Result<Points, Failure> {
         )));
     }
     Points::read(&bytes, &name).map_err(Failure::Input)
-}
-
-/// Refuses carried columns that would get the name of an array of the result.
-fn check_arrays(points: &Points, asked: Components) -> Result<(), Failure> {
-    let taken = |name: &str| match name {
-        "position" | "normal" | "error" => true,
-        "direct" => asked.direct,
-        "specular" => asked.specular,
-        _ => false,
-    };
-    match points.columns.iter().find(|name| taken(name)) {
-        None => Ok(()),
-        Some(clash) => Err(Failure::Input(format!(
-            "the table has a column '{clash}', and the .npz file an array of that name; rename the \
-             column, or write .csv"
-        ))),
-    }
-}
-
-/// The names of the columns that are added.
-fn result_columns(asked: Components) -> Vec<String> {
-    let mut names = Vec::new();
-    for (name, wanted) in [("direct", asked.direct), ("specular", asked.specular)] {
-        if wanted {
-            names.extend(["r", "g", "b"].map(|channel| format!("{name}_{channel}")));
-        }
-    }
-    names.push("error".into());
-    names
-}
-
-/// The result, ready to be written.
-struct Table<'a> {
-    points: &'a Points,
-    lights: &'a [Option<ReceiverLight>],
-    asked: Components,
-    /// From W to the unit asked for.
-    factor: f64,
-}
-
-impl Table<'_> {
-    /// What is added to a row: the components asked for, then the error.
-    fn values(&self, light: Option<&ReceiverLight>) -> Vec<f64> {
-        let mut values = Vec::with_capacity(7);
-        let part = |rgb: fn(&ReceiverLight) -> [f64; 3]| {
-            light.map_or([f64::NAN; 3], |l| rgb(l).map(|x| x * self.factor))
-        };
-        if self.asked.direct {
-            values.extend(part(|l| l.direct.0));
-        }
-        if self.asked.specular {
-            values.extend(part(|l| l.specular.0));
-        }
-        values.push(light.map_or(f64::INFINITY, |l| l.error * self.factor));
-        values
-    }
-
-    fn csv(&self, results: &[String]) -> String {
-        let names = self.points.columns.iter().chain(results).map(|c| csv_field(c));
-        let mut text = names.collect::<Vec<_>>().join(",") + "\n";
-        for (row, light) in self.points.rows.iter().zip(self.lights) {
-            for field in row {
-                text += &csv_field(field);
-                text.push(',');
-            }
-            let values = self.values(light.as_ref()).into_iter().map(csv_number);
-            text += &values.collect::<Vec<_>>().join(",");
-            text.push('\n');
-        }
-        text
-    }
-
-    fn npz(&self) -> Result<Vec<u8>, Failure> {
-        let n = self.lights.len();
-        let triples = |name: &str, values: Vec<f64>| Array {
-            name: name.into(),
-            shape: vec![n, 3],
-            data: ArrayData::F64(values),
-        };
-        let receivers = &self.points.receivers;
-        let mut arrays = vec![
-            triples(
-                "position",
-                receivers.iter().flat_map(|r| [r.position.x, r.position.y, r.position.z]).collect(),
-            ),
-            triples(
-                "normal",
-                receivers.iter().flat_map(|r| [r.normal.x, r.normal.y, r.normal.z]).collect(),
-            ),
-        ];
-        let values: Vec<Vec<f64>> = self.lights.iter().map(|l| self.values(l.as_ref())).collect();
-        let mut at = 0;
-        for (name, wanted) in [("direct", self.asked.direct), ("specular", self.asked.specular)] {
-            if wanted {
-                let part = values.iter().flat_map(|v| v[at..at + 3].iter().copied()).collect();
-                arrays.push(triples(name, part));
-                at += 3;
-            }
-        }
-        arrays.push(Array {
-            name: "error".into(),
-            shape: vec![n],
-            data: ArrayData::F64(values.iter().map(|v| v[at]).collect()),
-        });
-        let read = crate::points::COLUMNS;
-        for (i, name) in self.points.columns.iter().enumerate() {
-            if !read.contains(&name.as_str()) {
-                let column = self.points.rows.iter().map(|row| row[i].clone()).collect();
-                arrays.push(carried(name, column));
-            }
-        }
-        Ok(encode_npz(&arrays)?)
-    }
-}
-
-/// A carried column: numbers if every field is one, else text.
-fn carried(name: &str, column: Vec<String>) -> Array {
-    let numbers: Option<Vec<f64>> = column.iter().map(|f| f.trim().parse().ok()).collect();
-    Array {
-        name: name.into(),
-        shape: vec![column.len()],
-        data: numbers.map_or(ArrayData::Text(column), ArrayData::F64),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::*;
-
-    #[test]
-    fn component_lists() {
-        let list = |s: &str| components(&s.split(',').map(String::from).collect::<Vec<_>>());
-        assert_eq!(list("specular").unwrap(), Components { direct: false, specular: true });
-        assert_eq!(components(&[]).unwrap(), Components { direct: true, specular: true });
-        for wrong in ["indirect", "total", "direct,total", "diffuse", ""] {
-            assert!(matches!(list(wrong), Err(Failure::Usage(_))), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn carried_columns_are_numbers_or_text() {
-        let column = |fields: [&str; 2]| fields.map(String::from).to_vec();
-        assert!(
-            matches!(carried("a", column(["1", " 2.5"])).data, ArrayData::F64(v) if v == [1.0, 2.5])
-        );
-        assert!(matches!(carried("a", column(["1", "desk"])).data, ArrayData::Text(_)));
-    }
 }

@@ -39,6 +39,19 @@ impl Progress {
         self.bar.set_position(self.done.fetch_add(1, Ordering::Relaxed) + 1);
     }
 
+    /// A stage of so many steps begins.
+    pub fn begin(&self, stage: &'static str, total: u64) {
+        self.done.store(0, Ordering::Relaxed);
+        self.set(stage, 0, total);
+    }
+
+    /// The radiosity loop: the fraction of the emitted flux that is unshot, and of the way to the end.
+    pub fn set_unshot(&self, unshot: f64, done: f64) {
+        const STEPS: f64 = 1000.0;
+        self.set("unshot flux", (STEPS * done) as u64, STEPS as u64);
+        self.bar.set_message(format!("unshot flux {:.2} %", 100.0 * unshot));
+    }
+
     /// So much of so much of a stage is done.
     pub fn set(&self, stage: &'static str, done: u64, total: u64) {
         if let Ok(mut present) = self.stage.lock()

@@ -17,7 +17,7 @@ use crate::failure::Failure;
 use crate::options::{self, Common};
 use crate::progress::Progress;
 use crate::session::{self, Deadline};
-use crate::solution::{self, End};
+use crate::solution::{self, Job};
 use crate::summary::Summary;
 
 /// Draws a scene: direct light, caustics and what diffuse surfaces pass on, seen through mirrors and glass
@@ -31,13 +31,17 @@ use crate::summary::Summary;
 #[command(after_help = "\
 Examples:
   evolute render                                 writes room.exr and room.png here
-  evolute render desk.xml -o desk.png --size 1280x960 --exposure -1")]
+  evolute render desk.xml -o desk.png --size 1280x960 --exposure -1
+  evolute render desk.xml --solution desk.evolute    with indirect light from what solve wrote")]
 pub struct Arguments {
     /// The scene: Mitsuba 3 XML [default: the built-in room]
     scene: Option<PathBuf>,
     /// Where the picture goes [default: NAME.exr and NAME.png in the current folder]
     #[arg(short = 'o', long, value_name = "FILE.exr|.png|.hdr")]
     output: Option<PathBuf>,
+    /// A radiosity solution of the scene that 'evolute solve' wrote [default: one is made]
+    #[arg(long, value_name = "FILE.evolute")]
+    solution: Option<PathBuf>,
     /// Columns and rows of the picture [default: the scene's film]
     #[arg(long, value_name = "WxH", value_parser = options::size, allow_hyphen_values = true)]
     size: Option<(u32, u32)>,
@@ -85,10 +89,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         check_target(path)?;
     }
     let deadline = Deadline::new(common);
-    let scene = match &arguments.scene {
-        Some(path) => session::load(path, common, summary)?,
-        None => session::load_built_in(common, summary)?,
-    };
+    let scene = session::load_or_built_in(arguments.scene.as_deref(), common, summary)?;
     let Some(sensor) = scene.sensors.first() else {
         return Err(Failure::Input(
             "the scene has no sensor, so there is nothing to look from; add \
@@ -115,13 +116,23 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         },
         progress: &|stage, done, total| progress.set(stage, done, total),
     };
-    let (solver, end) = solution::solve(&scene, &tracer, &transfer, common, &control, summary)?;
+    let job = Job {
+        scene: &scene,
+        tracer: &tracer,
+        transfer,
+        common,
+        deadline: &deadline,
+        progress: &progress,
+    };
+    let file = arguments.solution.as_deref();
+    let outcome = job.outcome(file, summary)?;
+    let shortfall = solution::shortfall(&outcome, file);
     summary.lap("solve");
     let picture = evolute::view::render(
         &scene,
         &tracer,
         sensor,
-        Some(solver.solution()),
+        Some(&outcome.solution),
         &settings,
         &control,
     );
@@ -149,7 +160,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     );
 
     let (unmet, receivers) = (picture.unmet, picture.receivers);
-    let complete = picture.complete && end == End::Converged;
+    let is_complete = picture.complete;
     let raster = raster(picture, common.unit_factor() as f32);
     let exposure = exposure(arguments, &raster);
     if files.iter().any(|(_, format)| *format == Format::Png) {
@@ -182,13 +193,13 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             &format!("{} of {} receivers did not reach their tolerance", unmet, receivers),
         );
     }
-    if !complete {
-        return Err(Failure::Limit(
-            "stopped by --max-time or --max-iterations: the picture is written, but coarser than asked for"
-                .into(),
-        ));
+    let shortfall = if is_complete { shortfall } else { Some("stopped by --max-time".into()) };
+    match shortfall {
+        None => Ok(()),
+        Some(why) => Err(Failure::Limit(format!(
+            "{why}: the picture is written, but coarser than asked for"
+        ))),
     }
-    Ok(())
 }
 
 /// The files to write.

@@ -104,9 +104,21 @@ pub fn load(path: &Path, common: &Common, summary: &mut Summary) -> Result<Scene
     Ok(finish(loaded, common, summary))
 }
 
+/// The scene of a file, or the one that is part of the program.
+pub fn load_or_built_in(
+    path: Option<&Path>,
+    common: &Common,
+    summary: &mut Summary,
+) -> Result<Scene, Failure> {
+    match path {
+        Some(path) => load(path, common, summary),
+        None => load_built_in(common, summary),
+    }
+}
+
 /// The scene that is part of the program. Nobody needs its notices: they are for those who write
 /// scenes.
-pub fn load_built_in(common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
+fn load_built_in(common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
     const ROOM: &str = include_str!("../../../cases/room/scene.xml");
     let loaded = evolute::scene::load_str("room.xml", ROOM, &common.define);
     let loaded = loaded.map_err(|e| Failure::Input(e.to_string()))?;

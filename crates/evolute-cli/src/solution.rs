@@ -1,83 +1,175 @@
-//! The first pass of a run: the radiosity solution that indirect light needs.
+//! The first pass of a run: the radiosity solution that indirect light needs, made or read from a file.
+
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::path::Path;
 
 use serde_json::json;
 
 use evolute::geometry::Rgb;
 use evolute::scene::Scene;
-use evolute::solve::{Ledger, Solver, SolverSettings};
+use evolute::solve::{
+    Checkpoint, Ledger, Outcome, SolutionError, SolutionFile, Solver, SolverSettings,
+    decode_solution,
+};
 use evolute::trace::Tracer;
 use evolute::transfer::{Control, Order, TransferSettings};
 
 use crate::failure::Failure;
 use crate::options::Common;
-use crate::session;
+use crate::progress::Progress;
+use crate::session::{self, Deadline};
 use crate::summary::Summary;
 
 /// Iterations between two looks at the clock.
 const ITERATIONS: u64 = 256;
 
-/// Whether a solution is what was asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// What waits no longer matters.
-    Converged,
-    /// A limit came first.
-    Stopped,
-}
-
-/// Solves a scene until what waits to be shot no longer matters, or a limit of the user's is reached.
-pub fn solve<'s>(
-    scene: &'s Scene,
-    tracer: &Tracer<'_>,
-    transfer: &TransferSettings,
-    common: &Common,
-    control: &Control<'_>,
-    summary: &mut Summary,
-) -> Result<(Solver<'s>, End), Failure> {
-    let settings = SolverSettings { transfer: *transfer, ..SolverSettings::default() };
-    let solver = Solver::new(scene, tracer, &settings, control);
-    let mut solver = solver.ok_or(Failure::Interrupted)?;
-    let mut end = if solver.is_complete() { End::Converged } else { End::Stopped };
-    let first = solver.ledger().unshot.luminance();
-    for iteration in 0u64.. {
-        if common.max_iterations.is_some_and(|most| iteration >= most) {
-            end = End::Stopped;
-            break;
-        }
-        if iteration % ITERATIONS == 0 {
-            match (control.order)() {
-                Order::Go => {}
-                Order::Finish => {
-                    end = End::Stopped;
-                    break;
-                }
-                Order::Abandon => return Err(Failure::Interrupted),
-            }
-            // What waits falls like a geometric series, so that its logarithm goes evenly.
-            let left = solver.ledger().unshot.luminance() / first;
-            let done = if left > 0.0 { left.ln() / LAST.ln() } else { 1.0 };
-            (control.progress)("unshot flux", (done.clamp(0.0, 1.0) * 1000.0) as u64, 1000);
-        }
-        if solver.step().is_none() {
-            break;
-        }
-    }
-    solver.finish();
-    tell(&solver, common, summary);
-    Ok((solver, end))
-}
-
 /// The part of the flux that waits at the end of most runs.
 const LAST: f64 = 1e-3;
 
+/// What a solution is made from, and how that is watched.
+pub struct Job<'j, 's> {
+    pub scene: &'s Scene,
+    pub tracer: &'j Tracer<'j>,
+    pub transfer: TransferSettings,
+    pub common: &'j Common,
+    pub deadline: &'j Deadline,
+    pub progress: &'j Progress,
+}
+
+impl<'s> Job<'_, 's> {
+    /// What is asked of the solution.
+    pub fn settings(&self) -> SolverSettings {
+        SolverSettings { transfer: self.transfer, ..SolverSettings::default() }
+    }
+
+    /// The solution in a file if one is named, else one that is made. It may be less than complete.
+    pub fn outcome(
+        &self,
+        file: Option<&Path>,
+        summary: &mut Summary,
+    ) -> Result<Outcome<'s>, Failure> {
+        let outcome = match file {
+            None => self.solve(None)?.into_outcome(),
+            Some(path) => {
+                let read = read(path, self.scene)?;
+                let made_with = read.settings.transfer.relative;
+                if made_with > self.transfer.relative {
+                    session::note(
+                        self.common,
+                        &format!(
+                            "the solution was made with --accuracy {made_with}: indirect light is no better than \
+                             that, whatever is asked for here"
+                        ),
+                    );
+                }
+                read.outcome.ok_or_else(|| {
+                    Failure::Input(format!(
+                        "the solution '{0}' was interrupted before it was one; go on with \
+                         evolute solve -o '{0}' --resume",
+                        path.display()
+                    ))
+                })?
+            }
+        };
+        tell(&outcome, self.common, summary);
+        Ok(outcome)
+    }
+
+    /// Solves until what waits to be shot no longer matters, or a limit of the user's is reached. What a checkpoint
+    /// knows is not computed again; it also gets what was computed, and so if the run is interrupted.
+    pub fn solve(&self, mut checkpoint: Option<&mut Checkpoint>) -> Result<Solver<'s>, Failure> {
+        let order = || self.order();
+        let progress = |stage, done, total| self.progress.set(stage, done, total);
+        let control = Control { order: &order, progress: &progress };
+        let settings = self.settings();
+        let (scene, tracer) = (self.scene, self.tracer);
+        let solver = match &mut checkpoint {
+            None => Solver::new(scene, tracer, &settings, &control),
+            Some(known) => Solver::resume(scene, tracer, &settings, &control, known),
+        };
+        let mut solver = solver.ok_or(Failure::Interrupted)?;
+        let first = solver.ledger().unshot.luminance();
+        let ended = loop {
+            let iterations = solver.counts().iterations();
+            if self.common.max_iterations.is_some_and(|most| iterations >= most) {
+                break Ok(());
+            }
+            if iterations.is_multiple_of(ITERATIONS) {
+                match self.order() {
+                    Order::Go => {}
+                    Order::Finish => break Ok(()),
+                    Order::Abandon => break Err(Failure::Interrupted),
+                }
+                let ledger = solver.ledger();
+                let (unshot, emitted) = (ledger.unshot.luminance(), ledger.emitted.luminance());
+                // What waits falls like a geometric series, so that its logarithm goes evenly.
+                let left = unshot / first;
+                let done = if left > 0.0 { left.ln() / LAST.ln() } else { 1.0 };
+                self.progress.set_unshot(unshot / emitted, done.clamp(0.0, 1.0));
+            }
+            if solver.step().is_none() {
+                break Ok(());
+            }
+        };
+        if let Some(checkpoint) = checkpoint {
+            solver.keep_state(checkpoint);
+        }
+        ended.map(|()| solver)
+    }
+
+    /// Whether to go on.
+    fn order(&self) -> Order {
+        if session::interrupted() {
+            Order::Abandon
+        } else if self.deadline.passed() {
+            Order::Finish
+        } else {
+            Order::Go
+        }
+    }
+}
+
+/// Reads a solution of a scene.
+pub fn read<'s>(path: &Path, scene: &'s Scene) -> Result<SolutionFile<'s>, Failure> {
+    let name = path.display();
+    let bytes = bytes_of(path, scene).map_err(|e| {
+        let why = match e.kind() {
+            ErrorKind::NotFound => "there is no such file".into(),
+            ErrorKind::PermissionDenied => "permission denied".into(),
+            _ => e.to_string(),
+        };
+        Failure::Input(format!(
+            "cannot read the solution '{name}': {why}; name a file that 'evolute solve' wrote"
+        ))
+    })?;
+    let decoded = decode_solution(&bytes, scene);
+    decoded.map_err(|e| Failure::Input(format!("cannot use the solution '{name}': {e}")))
+}
+
+/// A file's bytes; of what is no solution only the first.
+fn bytes_of(path: &Path, scene: &Scene) -> std::io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    if !file.metadata()?.is_file() {
+        return Err(std::io::Error::other("it is no file"));
+    }
+    let mut bytes = Vec::new();
+    file.by_ref().take(64).read_to_end(&mut bytes)?;
+    if !matches!(decode_solution(&bytes, scene), Err(SolutionError::Foreign)) {
+        file.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
+}
+
 /// What the solution took, and where the flux is.
-fn tell(solver: &Solver<'_>, common: &Common, summary: &mut Summary) {
-    let (counts, ledger) = (solver.counts(), solver.ledger());
+pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) {
+    let (counts, ledger) = (&outcome.counts, &outcome.ledger);
     let unit = common.unit_factor();
     let flux = |f: Rgb| f.0.map(|x| x * unit);
     summary.set(
         "solution",
         json!({
+            "complete": outcome.is_complete,
             "iterations": { "diffuse": counts.diffuse, "specular": counts.specular },
             "vertices": counts.vertices, "patches": counts.patches,
             "links": counts.links, "rays": counts.rays, "correction": counts.correction,
@@ -102,6 +194,20 @@ fn tell(solver: &Solver<'_>, common: &Common, summary: &mut Summary) {
             shares(ledger)
         ),
     );
+}
+
+/// Why a result is less than was asked for, if it is the solution's fault, and what may be done.
+pub fn shortfall(outcome: &Outcome<'_>, file: Option<&Path>) -> Option<String> {
+    if outcome.is_complete {
+        return None;
+    }
+    Some(match file {
+        None => "the radiosity solution was stopped by --max-time or --max-iterations".into(),
+        Some(path) => format!(
+            "a limit stopped the run that made '{0}'; evolute solve -o '{0}' --resume goes on",
+            path.display()
+        ),
+    })
 }
 
 /// The ledger in percent of what was emitted.

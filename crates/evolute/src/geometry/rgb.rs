@@ -2,9 +2,11 @@
 
 use std::ops::{Add, AddAssign, Index, Mul, Sub};
 
+use serde::{Deserialize, Serialize};
+
 /// A value per colour channel (linear Rec. 709 primaries): a reflectance, a radiance
 /// [W/(m² sr)] or an irradiance [W/m²].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rgb(pub [f64; 3]);
 
 impl Rgb {
@@ -31,6 +33,11 @@ impl Rgb {
     /// Whether every channel is zero.
     pub fn is_black(&self) -> bool {
         self.0 == [0.0; 3]
+    }
+
+    /// Whether every channel is a finite number.
+    pub fn is_finite(&self) -> bool {
+        self.0.iter().all(|x| x.is_finite())
     }
 
     /// Each channel through `f`.

@@ -3,6 +3,8 @@
 //! Edges are cut in both triangles that share them, so there is no T-vertex, as in Yu & Wu, 3.5. A
 //! triangle that is cut keeps its place as the root of its parts: a point is found by descending.
 
+use serde::{Deserialize, Serialize};
+
 use super::roots::{Root, Roots};
 use crate::geometry::{Point3, math};
 use crate::surface::{ChartPoint, Surface};
@@ -49,6 +51,17 @@ struct Cut {
     to: [f64; 2],
 }
 
+/// A cut that was made: what [`TriangleMesh::repeat`] needs to make it again.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EdgeCut {
+    /// The triangle, and its edge by the corner at which that begins.
+    pub triangle: u32,
+    /// 0 to 2.
+    pub edge: u8,
+    /// How far from the begin of the edge to its end, between 0 and 1.
+    pub fraction: f64,
+}
+
 /// Where a point lies in a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
@@ -69,6 +82,8 @@ pub struct TriangleMesh<'s> {
     /// Where each triangle was cut, if it was. Apart from them: points are looked for in these.
     cuts: Vec<Option<Cut>>,
     roots: Roots,
+    /// Cuts since the mesh was made, in order.
+    history: Vec<EdgeCut>,
 }
 
 /// How far into a triangle a border's vertex is put, as a part of the way to its middle: far more than
@@ -88,11 +103,39 @@ impl<'s> TriangleMesh<'s> {
     /// Triangles with edges of about `edge` [m] and at most half as long again.
     pub fn new(surface: &'s Surface, edge: f64) -> Self {
         let roots = Roots::new(surface, edge);
-        let mut mesh =
-            Self { surface, vertices: Vec::new(), triangles: Vec::new(), cuts: Vec::new(), roots };
+        let mut mesh = Self {
+            surface,
+            vertices: Vec::new(),
+            triangles: Vec::new(),
+            cuts: Vec::new(),
+            roots,
+            history: Vec::new(),
+        };
         mesh.plant();
         mesh.refine_to(1.5 * edge);
+        mesh.history.clear();
         mesh
+    }
+
+    /// All cuts since the mesh was made, in order: repeated on a new mesh with the same edges they make this one, bit
+    /// by bit.
+    pub fn history(&self) -> &[EdgeCut] {
+        &self.history
+    }
+
+    /// Makes a cut of another mesh's history; whether that is possible.
+    pub fn repeat(&mut self, cut: &EdgeCut) -> bool {
+        let side = Side { triangle: cut.triangle, edge: cut.edge };
+        let possible = (cut.triangle as usize) < self.triangles.len()
+            && cut.edge < 3
+            && cut.fraction > 0.0
+            && cut.fraction < 1.0
+            && self.is_whole(cut.triangle)
+            && self.length(cut.triangle, cut.edge.into()) > 0.0;
+        if possible {
+            self.bisect(side, cut.fraction);
+        }
+        possible
     }
 
     /// Sets vertices and triangles to the roots'.
@@ -401,6 +444,7 @@ impl<'s> TriangleMesh<'s> {
 
     /// Cuts an edge and the one or two triangles that have it.
     fn bisect(&mut self, side: Side, fraction: f64) {
+        self.history.push(EdgeCut { triangle: side.triangle, edge: side.edge, fraction });
         let other = self.across(side);
         let at = self.on_edge(side, fraction);
         let t = &self.triangles[side.triangle as usize];

@@ -5,5 +5,5 @@ mod mesh;
 mod quadratic;
 mod roots;
 
-pub use mesh::{Place, TriangleMesh, Vertex};
+pub use mesh::{EdgeCut, Place, TriangleMesh, Vertex};
 pub use quadratic::{Stencil, merged, within};

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::checkpoint::Known;
 use super::{Job, Sheet};
 use crate::receiver::{TriangleMesh, within};
 use crate::transfer::{Control, Order};
@@ -22,6 +23,8 @@ pub(super) trait Light: Clone + Send + Sync {
 pub(super) struct Growth<'s, L> {
     pub mesh: TriangleMesh<'s>,
     pub light: Vec<L>,
+    /// By vertex: whether that was computed, and not put together of others for want of time.
+    pub is_computed: Vec<bool>,
 }
 
 /// When to stop.
@@ -48,7 +51,8 @@ impl<'s, L> Growth<'s, L> {
     pub fn all(job: &Job<'_, 's>) -> Vec<Self> {
         let surface = |sheet: &Sheet| &job.scene.shape(sheet.shape).surface;
         let mesh = |sheet: &Sheet| TriangleMesh::new(surface(sheet), job.edge);
-        job.sheets.iter().map(|s| Self { mesh: mesh(s), light: Vec::new() }).collect()
+        let growth = |sheet| Self { mesh: mesh(sheet), light: Vec::new(), is_computed: Vec::new() };
+        job.sheets.iter().map(growth).collect()
     }
 }
 
@@ -106,18 +110,19 @@ impl<L: Light + Default> Growth<'_, L> {
 /// Computes light at all vertices, and cuts triangles: all where the light itself is not known well enough, and
 /// the worst first until the flux that linear interpolation is wrong by, summed without regard to sign, is what
 /// the rule allows. `compute` (sheet, mesh, vertex) is `None`
-/// once there is no time left; whether there was.
+/// once there is no time left; whether there was. What is `known` is taken, and not computed.
 pub(super) fn grow<'s, L: Light + Default>(
     growths: &mut [Growth<'s, L>],
     rule: &Rule<'_>,
     control: &Control<'_>,
+    known: &mut Known<L>,
     compute: &(dyn Fn(usize, &TriangleMesh<'s>, u32) -> Option<L> + Sync),
 ) -> bool {
     let count = |growths: &[Growth<'s, L>]| -> usize {
         growths.iter().map(|g| g.mesh.vertices().len()).sum()
     };
     loop {
-        if !compute_new(growths, rule.stage, control, compute) {
+        if !compute_new(growths, rule.stage, control, known, compute) {
             return false;
         }
         let received: f64 = growths.iter().map(Growth::received).sum();
@@ -171,27 +176,30 @@ fn compute_new<'s, L: Light + Default>(
     growths: &mut [Growth<'s, L>],
     stage: &'static str,
     control: &Control<'_>,
+    known: &mut Known<L>,
     compute: &(dyn Fn(usize, &TriangleMesh<'s>, u32) -> Option<L> + Sync),
 ) -> bool {
-    let missing: Vec<(usize, u32)> = growths
+    let mut new: Vec<(usize, u32, Option<L>)> = growths
         .iter()
         .enumerate()
         .flat_map(|(i, g)| {
-            (g.light.len() as u32..g.mesh.vertices().len() as u32).map(move |v| (i, v))
+            (g.light.len() as u32..g.mesh.vertices().len() as u32).map(move |v| (i, v, None))
         })
         .collect();
-    let (done, all) = (AtomicU64::new(0), missing.len() as u64);
-    let lights: Vec<Option<L>> = missing
-        .par_iter()
-        .map(|&(i, v)| {
-            (control.progress)(stage, done.fetch_add(1, Ordering::Relaxed), all);
-            let go = (control.order)() == Order::Go;
-            if go { compute(i, &growths[i].mesh, v) } else { None }
-        })
-        .collect();
+    for (i, v, light) in &mut new {
+        *light = known.take(*i, *v, &growths[*i].mesh.vertices()[*v as usize].site);
+    }
+    let (done, all) = (AtomicU64::new(0), new.len() as u64);
+    new.par_iter_mut().for_each(|(i, v, light)| {
+        (control.progress)(stage, done.fetch_add(1, Ordering::Relaxed), all);
+        if light.is_none() && (control.order)() == Order::Go {
+            *light = compute(*i, &growths[*i].mesh, *v);
+        }
+    });
     let mut whole = true;
-    for ((i, v), light) in missing.into_iter().zip(lights) {
+    for (i, v, light) in new {
         let g = &mut growths[i];
+        g.is_computed.push(light.is_some());
         let light = light.unwrap_or_else(|| {
             whole = false;
             g.mesh.vertices()[v as usize].parents.map_or_else(L::default, |([a, b], fraction)| {

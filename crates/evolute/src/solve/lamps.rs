@@ -1,7 +1,9 @@
 //! The lamps' own light on all meshes, which are refined until it is linear over their triangles.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
+use super::checkpoint::Known;
 use super::growth::{Growth, Light, Rule, grow};
 use super::rows::ambient;
 use super::{Job, Layer};
@@ -42,13 +44,20 @@ const SPECULAR: Fineness = Fineness {
 };
 
 /// One part of the lamps' light at a vertex.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct LampLight {
     pub irradiance: Rgb,
     /// Estimated error of its luminance [W/m²].
     pub error: f64,
     /// Luminance of what is known to come there otherwise [W/m²].
     beside: f64,
+}
+
+impl LampLight {
+    /// Whether all are finite numbers.
+    pub fn is_finite(&self) -> bool {
+        self.irradiance.is_finite() && self.error.is_finite() && self.beside.is_finite()
+    }
 }
 
 impl Light for LampLight {
@@ -70,23 +79,29 @@ impl Light for LampLight {
 }
 
 /// What lamps send straight; whether there was time for it.
-pub(super) fn direct<'s>(job: &Job<'_, 's>) -> (Layer<'s>, bool) {
-    illuminate(job, &DIRECT, 0.0, &|_, _| 0.0)
+pub(super) fn direct<'s>(job: &Job<'_, 's>, known: &mut Known<LampLight>) -> (Layer<'s>, bool) {
+    illuminate(job, &DIRECT, known, 0.0, &|_, _| 0.0)
 }
 
 /// What lamps send by specular chains, in addition to direct light.
-pub(super) fn specular<'s>(job: &Job<'_, 's>, direct: &Layer<'_>) -> (Layer<'s>, bool) {
+pub(super) fn specular<'s>(
+    job: &Job<'_, 's>,
+    known: &mut Known<LampLight>,
+    direct: &Layer<'_>,
+) -> (Layer<'s>, bool) {
     if !job.scene.shapes.iter().any(|s| s.material.is_specular()) {
         return (Layer::dark(job.scene, job.sheets, job.edge), true);
     }
     let beside = |sheet: usize, site: &ChartPoint| direct.at(sheet, site).luminance();
-    illuminate(job, &SPECULAR, direct.flux().0.luminance(), &beside)
+    illuminate(job, &SPECULAR, known, direct.flux().0.luminance(), &beside)
 }
 
-/// One part, beside a flux that is known otherwise [W] and what it brings to a place, luminances [W/m²].
+/// One part, beside a flux that is known otherwise [W] and what it brings to a place, luminances [W/m²]. What is `known`
+/// of it is not computed again; in the end all that was computed is.
 fn illuminate<'s>(
     job: &Job<'_, 's>,
     fineness: &Fineness,
+    known: &mut Known<LampLight>,
     flux: f64,
     beside: &(dyn Fn(usize, &ChartPoint) -> f64 + Sync),
 ) -> (Layer<'s>, bool) {
@@ -105,7 +120,7 @@ fn illuminate<'s>(
         max_vertices: settings.max_vertices,
     };
     let stop = || (control.order)() != Order::Go;
-    let whole = grow(&mut growths, &rule, control, &|sheet, mesh, vertex| {
+    let whole = grow(&mut growths, &rule, control, known, &|sheet, mesh, vertex| {
         let (receiver, _) = sheets[sheet].receiver(tracer, mesh, vertex);
         // Other light will be there, too, so that shadows need not be known as well as if they were all there is.
         let site = &mesh.vertices()[vertex as usize].site;
@@ -117,6 +132,7 @@ fn illuminate<'s>(
             beside,
         })
     });
+    *known = Known::of(&growths);
     let error = growths.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
     let irradiance = growths.iter().flat_map(|g| g.light.iter().map(|l| l.irradiance)).collect();
     let meshes = growths.into_iter().map(|g| g.mesh).collect();

@@ -150,6 +150,20 @@ impl<'s> Layer<'s> {
         sum
     }
 
+    /// Estimated error of the irradiance's luminance at a point of a sheet [W/m²].
+    pub fn error_at(&self, sheet: usize, site: &ChartPoint) -> f64 {
+        let (patch, weights) = self.locate(sheet, site);
+        let corners = self.patches[patch as usize].vertices;
+        corners.iter().zip(weights).map(|(v, w)| self.error[*v as usize] * w).sum()
+    }
+
+    /// Area of all sheets [m²], and their mean reflectance: the largest channel.
+    pub fn area_and_reflectance(&self) -> (f64, f64) {
+        let area: f64 = self.area.iter().sum();
+        let each = self.reflectance.iter().zip(&self.area);
+        (area, each.map(|(r, a)| r.max() * a / area).sum())
+    }
+
     /// Makes flux that of quadratic interpolation: areas of vertices, and what patches send.
     fn weigh(&mut self) {
         for (sheet, mesh) in self.meshes.iter().enumerate() {

@@ -1,10 +1,12 @@
 //! Where the emitted flux is.
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::Rgb;
 use crate::trace::tree::Losses;
 
 /// Fluxes [W]. What was emitted is the sum of all others at every step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
     /// By lamps.
     pub emitted: Rgb,
@@ -25,6 +27,12 @@ impl Ledger {
     pub fn imbalance(&self) -> Rgb {
         let known = self.absorbed + self.escaped + self.unshot + self.cut + self.discretisation;
         self.emitted - known
+    }
+
+    /// Whether all are finite numbers.
+    pub(super) fn is_finite(&self) -> bool {
+        let Self { emitted, absorbed, escaped, unshot, cut, discretisation } = self;
+        [emitted, absorbed, escaped, unshot, cut, discretisation].iter().all(|f| f.is_finite())
     }
 
     /// Enters a shot: `received` of it was, of which `absorbed` stayed and the rest waits.

@@ -15,10 +15,15 @@
 //! which shoot once, and those that reflected light is received on, which shoot what they have received
 //! (`layer.rs`).
 
+mod checkpoint;
+mod file;
+mod fingerprint;
 mod growth;
 mod lamps;
 mod layer;
 mod ledger;
+mod outcome;
+mod probe;
 mod rows;
 mod sheet;
 mod solution;
@@ -26,6 +31,7 @@ mod source;
 mod transport;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::Rgb;
 use crate::scene::Scene;
@@ -33,15 +39,20 @@ use crate::trace::Tracer;
 use crate::trace::tree::{Limits, Losses};
 use crate::transfer::{Control, LONGEST_CHAIN, Order, TransferSettings};
 
+pub use checkpoint::Checkpoint;
+use checkpoint::Known;
+pub use file::{SolutionError, SolutionFile, decode_solution, encode_solution};
 pub use layer::Layer;
 pub use ledger::Ledger;
+pub use outcome::Outcome;
+pub use probe::{Probe, ProbeLight};
 pub use sheet::Sheet;
 pub use solution::{Component, Solution};
 use source::{Source, Way};
-use transport::{BoundRow, Fate, Patch, Transport};
+use transport::{BoundRow, Fate, Patch, StoredRow, Transport};
 
 /// Who shoots next, and how far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Scheme {
     /// As printed: the patch with the largest unshot radiosity.
     Printed,
@@ -53,7 +64,7 @@ pub enum Scheme {
 }
 
 /// What is asked of a solution.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolverSettings {
     /// Accuracy of the light of lamps; its relative accuracy is that of the whole.
     pub transfer: TransferSettings,
@@ -86,7 +97,7 @@ pub enum Iteration {
 }
 
 /// Work and sizes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SolverCounts {
     /// Diffuse iterations.
     pub diffuse: u64,
@@ -102,6 +113,13 @@ pub struct SolverCounts {
     pub rays: u64,
     /// What shots were scaled by to conserve flux, less 1, without regard to sign; mean over all flux shot.
     pub correction: f64,
+}
+
+impl SolverCounts {
+    /// Iterations of either kind.
+    pub fn iterations(&self) -> u64 {
+        self.diffuse.saturating_add(self.specular)
+    }
 }
 
 /// What all layers are made from.
@@ -143,10 +161,15 @@ pub struct Solver<'s> {
     /// What the lamps' shots lost or won [W].
     first_discretisation: Rgb,
     complete: bool,
+    /// Whether what waits no longer matters.
+    rests: bool,
 }
 
 /// Branches of a ray tree of less throughput than this part of the accuracy are cut.
 const THROUGHPUT: f64 = 0.01;
+
+/// For stages after one for which there was no time.
+const HALT: Control<'static> = Control { order: &|| Order::Finish, progress: &|_, _, _| {} };
 
 /// Part of the tolerance that is for what is never shot.
 const UNSHOT: f64 = 0.05;
@@ -165,35 +188,67 @@ impl<'s> Solver<'s> {
         settings: &SolverSettings,
         control: &Control<'_>,
     ) -> Option<Self> {
-        let edge = settings.edge.unwrap_or_else(|| (scene.surface_area() / FIRST_TRIANGLES).sqrt());
+        Self::build(scene, tracer, settings, control, &mut Checkpoint::default(), false)
+    }
+
+    /// The same, and what the checkpoint knows by a run with the same scene and settings is not computed again: the bits
+    /// are those of [`Solver::new`]. In the end it knows what was computed, also if `control` says [`Order::Abandon`],
+    /// but for the loop ([`Solver::keep_state`]).
+    pub fn resume(
+        scene: &'s Scene,
+        tracer: &Tracer<'_>,
+        settings: &SolverSettings,
+        control: &Control<'_>,
+        checkpoint: &mut Checkpoint,
+    ) -> Option<Self> {
+        Self::build(scene, tracer, settings, control, checkpoint, true)
+    }
+
+    /// Either; whether rows are to be `kept`, which takes memory.
+    fn build(
+        scene: &'s Scene,
+        tracer: &Tracer<'_>,
+        settings: &SolverSettings,
+        control: &Control<'_>,
+        checkpoint: &mut Checkpoint,
+        kept: bool,
+    ) -> Option<Self> {
+        let edge = first_edge(scene, settings);
         let sheets = Sheet::all(scene);
         let go = || (control.order)() != Order::Abandon;
         let job = Job { scene, sheets: &sheets, tracer, edge, settings, control };
-        let (direct, mut complete) = lamps::direct(&job);
-        let (specular, whole) = lamps::specular(&job, &direct);
+        let (direct, mut complete) = lamps::direct(&job, &mut checkpoint.direct);
+        if !go() {
+            return None;
+        }
+        // What a stage computes depends on all that the stage before has.
+        let job = if complete { job } else { Job { control: &HALT, ..job } };
+        let (specular, whole) = lamps::specular(&job, &mut checkpoint.specular, &direct);
         complete &= whole;
+        let job = if complete { job } else { Job { control: &HALT, ..job } };
         let dark = Layer::dark(scene, &sheets, edge);
         let mut solution = Solution::new(sheets.clone(), [direct, specular, dark]);
         if !go() {
             return None;
         }
         let mut counts = SolverCounts::default();
-        let limits = limits(settings);
-        let (seen, whole) = rows::gather_rows(&job, &solution, &limits);
+        let limits = limits(&settings.transfer);
+        let (growths, whole) = rows::gather_rows(&job, &solution, &limits, &mut checkpoint.rows);
         complete &= whole;
+        let error: Vec<f64> = growths.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
+        let (mut meshes, mut seen) = (Vec::new(), Vec::new());
+        for g in growths {
+            meshes.push(g.mesh);
+            seen.push((g.light, g.is_computed));
+        }
         if !go() {
+            checkpoint.rows = Known::new(&meshes, seen);
             return None;
         }
-        let error: Vec<f64> = seen.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
-        let (mut rows, mut fates, mut meshes) = (Vec::new(), Vec::new(), Vec::new());
-        for g in seen {
-            meshes.push(g.mesh);
-            for seen in g.light {
-                counts.rays += seen.rays;
-                rows.push(seen.row);
-                fates.push(seen.fate);
-            }
-        }
+        let each = || seen.iter().flat_map(|s| &s.0);
+        counts.rays = each().map(|seen| seen.rays).sum();
+        let rows: Vec<&StoredRow> = each().map(|seen| &seen.row).collect();
+        let fates: Vec<Fate> = each().map(|seen| seen.fate).collect();
         let dark = vec![Rgb::BLACK; rows.len()];
         let indirect = Layer::new(solution.sheets(), meshes, dark, error);
         let sources = [&solution.layers[0], &solution.layers[1], &indirect].map(|layer| {
@@ -206,10 +261,13 @@ impl<'s> Solver<'s> {
             };
             let fates = layer.vertices().map(of).collect();
             let bind = |row| BoundRow::new(row, &|sheet, site| layer.locate(sheet, site));
-            let bound: Vec<BoundRow> = rows.par_iter().map(bind).collect();
+            let bound: Vec<BoundRow> = rows.par_iter().copied().map(bind).collect();
             let transport = Transport::new(layer.patches.len(), &bound, fates);
             Source::new(transport, layer.patches.len(), &indirect.area)
         });
+        if kept {
+            checkpoint.rows = Known::new(indirect.meshes(), seen);
+        }
         *solution.indirect_mut() = indirect;
         counts.patches = solution.layers.each_ref().map(|l| l.patches.len());
         counts.vertices = solution.layers.each_ref().map(|l| l.area.len());
@@ -227,8 +285,12 @@ impl<'s> Solver<'s> {
             ledger: Ledger::default(),
             counts,
             complete,
+            rests: false,
         };
-        solver.receive_from_lamps(scene, tracer);
+        let state = checkpoint.state.take().filter(|_| complete);
+        if !state.is_some_and(|state| solver.restore(*state)) {
+            solver.receive_from_lamps(scene, tracer);
+        }
         Some(solver)
     }
 
@@ -245,7 +307,7 @@ impl<'s> Solver<'s> {
 
     /// Where ray trees end.
     pub fn limits(&self) -> Limits {
-        limits(&self.settings)
+        limits(&self.settings.transfer)
     }
 
     /// Flux that waits at all patches of a layer, straight and towards specular surfaces, luminances [W].
@@ -258,7 +320,10 @@ impl<'s> Solver<'s> {
     pub fn step(&mut self) -> Option<Iteration> {
         if self.agenda.is_empty() {
             match self.plan() {
-                Plan::Rest => return None,
+                Plan::Rest => {
+                    self.rests = true;
+                    return None;
+                }
                 Plan::Specular => {
                     let all = |l: usize| {
                         (0..self.solution.layers[l].patches.len()).map(move |p| (l, p as Patch))
@@ -341,9 +406,7 @@ impl<'s> Solver<'s> {
     fn negligible(&self) -> f64 {
         let solution = &self.solution;
         let indirect = solution.layer(Component::Indirect);
-        let area: f64 = indirect.area.iter().sum();
-        let each = indirect.reflectance.iter().zip(&indirect.area);
-        let reflected: f64 = each.map(|(r, a)| r.max() * a / area).sum();
+        let (_, reflected) = indirect.area_and_reflectance();
         let received = indirect.flux().0.luminance();
         UNSHOT * self.settings.transfer.relative * received * (1.0 - reflected.min(0.999))
     }
@@ -452,10 +515,15 @@ impl<'s> Solver<'s> {
     }
 }
 
-fn limits(settings: &SolverSettings) -> Limits {
-    let accuracy = settings.transfer.relative;
+/// Length of the first triangles' edges [m].
+fn first_edge(scene: &Scene, settings: &SolverSettings) -> f64 {
+    settings.edge.unwrap_or_else(|| (scene.surface_area() / FIRST_TRIANGLES).sqrt())
+}
+
+fn limits(settings: &TransferSettings) -> Limits {
+    let accuracy = settings.relative;
     Limits {
-        max_specular: settings.transfer.max_specular.min(LONGEST_CHAIN),
+        max_specular: settings.max_specular.min(LONGEST_CHAIN),
         throughput: THROUGHPUT * accuracy,
         diffuse_throughput: THROUGHPUT * accuracy,
         lamps: false,

@@ -1,5 +1,8 @@
 //! What every vertex of the reflected light's meshes sees, gathered once.
 
+use serde::{Deserialize, Serialize};
+
+use super::checkpoint::Known;
 use super::growth::{Growth, Light, Rule, grow};
 use super::transport::{Fate, StoredRow};
 use super::{Job, Solution};
@@ -24,7 +27,7 @@ const FINE: f64 = 0.125;
 const MAX_SAMPLES: usize = 20_000;
 
 /// What a vertex sees.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Seen {
     /// Irradiance by the lamps' light that was reflected once, and by the rest as if it were even: roughly what
     /// all of it will come to [W/m²].
@@ -36,6 +39,17 @@ pub(super) struct Seen {
     pub row: StoredRow,
     pub fate: Fate,
     pub rays: u64,
+}
+
+impl Seen {
+    /// Whether all are finite numbers.
+    pub fn is_finite(&self) -> bool {
+        self.irradiance.is_finite()
+            && self.lamps.is_finite()
+            && self.error.is_finite()
+            && self.row.is_finite()
+            && self.fate.is_finite()
+    }
 }
 
 impl Light for Seen {
@@ -76,11 +90,12 @@ pub(super) fn ambient(flux: Rgb, surfaces: impl Iterator<Item = (f64, Rgb)>) -> 
 }
 
 /// Gathers rows, finely enough for the light that lamps throw on all surfaces and what it comes to; whether there was
-/// time for it.
+/// time for it. What is `known` is not gathered again.
 pub(super) fn gather_rows<'s>(
     job: &Job<'_, 's>,
     solution: &Solution<'_>,
     limits: &Limits,
+    known: &mut Known<Seen>,
 ) -> (Vec<Growth<'s, Seen>>, bool) {
     let Job { scene, sheets, tracer, edge, settings, control } = *job;
     let [direct, specular, _] = &solution.layers;
@@ -101,9 +116,9 @@ pub(super) fn gather_rows<'s>(
         let light = solution.at(scene, leaf).unwrap_or_default();
         (light[0] + light[1] + ambient) * leaf.reflectance
     };
-    let whole = grow(&mut growths, &rule, control, &|sheet, mesh: &TriangleMesh<'_>, vertex| {
-        let (receiver, start) = sheets[sheet].receiver(tracer, mesh, vertex);
-        let site = &mesh.vertices()[vertex as usize].site;
+    let whole = grow(&mut growths, &rule, control, known, &|sheet, mesh: &TriangleMesh<'_>, v| {
+        let (receiver, start) = sheets[sheet].receiver(tracer, mesh, v);
+        let site = &mesh.vertices()[v as usize].site;
         let light = direct.at(sheet, site) + specular.at(sheet, site);
         let expected = (light + ambient).luminance();
         let tolerance = (GATHERING * transfer.relative * expected).max(transfer.absolute);

@@ -8,7 +8,7 @@ use crate::scene::{Scene, ShapeId};
 use crate::surface::ChartPoint;
 use crate::trace::Tracer;
 use crate::trace::tree::Leaf;
-use crate::transfer::{Gathered, HemisphereSettings, Receiver, gather};
+use crate::transfer::{Gathered, HemisphereSettings, Link, Receiver, Row, gather};
 
 /// The parts of the irradiance, each on meshes of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,6 +80,19 @@ impl<'s> Solution<'s> {
     pub fn radiosity(&self, scene: &Scene, leaf: &Leaf) -> Rgb {
         let [direct, specular, indirect] = self.at(scene, leaf).unwrap_or_default();
         (direct + specular + indirect) * leaf.reflectance
+    }
+
+    /// Luminance of the irradiance that gathered light is uncertain by because the light on the meshes is [W/m²]: the
+    /// estimated errors of all components where links come from, reflected as the light is and added up without regard
+    /// to sign. As errors are of either sign it is more than the true error in most places.
+    pub fn uncertainty(&self, row: &Row) -> f64 {
+        let of = |link: &Link| {
+            let Some(sheet) = self.sheet_of(link.shape, link.front) else { return 0.0 };
+            let error: f64 = self.layers.iter().map(|l| l.error_at(sheet, &link.site)).sum();
+            // The colour of an error is not known: that which passes best.
+            (link.weight * self.sheets[sheet].reflectance).max() * error
+        };
+        row.links.iter().map(of).sum()
     }
 
     /// Diffusely reflected light at any receiver, on a surface or not, by the meshes' radiosities.

@@ -28,11 +28,11 @@ impl Fate {
 pub(super) struct Source {
     pub transport: Transport,
     /// By way, patch and corner: radiosity that was shot [W/m²].
-    shot: [Vec<[Rgb; 3]>; 2],
+    pub shot: [Vec<[Rgb; 3]>; 2],
     /// By way, patch and corner: flux that vertices receive of a radiosity of 1 there, by their rows [m²].
     reach: [Vec<[Rgb; 3]>; 2],
     /// By way: factor on what is received.
-    factors: [Rgb; 2],
+    pub factors: [Rgb; 2],
 }
 
 /// Rows may be wrong by this factor before what they lose is no longer made up for.

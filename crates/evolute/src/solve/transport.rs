@@ -6,6 +6,8 @@
 
 use std::ops::AddAssign;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::Rgb;
 use crate::surface::ChartPoint;
 use crate::trace::tree::Losses;
@@ -18,7 +20,7 @@ pub type Patch = u32;
 pub type Locate<'l> = dyn Fn(usize, &ChartPoint) -> (Patch, [f64; 3]) + 'l;
 
 /// A point that shines on a vertex, in single precision: surface, place, weight.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct StoredLink<W> {
     sheet: u32,
     chart: u32,
@@ -43,7 +45,7 @@ impl<W> StoredLink<W> {
 }
 
 /// What one vertex sees, by places: it outlives changes of all meshes.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StoredRow {
     straight: Vec<StoredLink<f32>>,
     specular: Vec<StoredLink<[f32; 3]>>,
@@ -63,6 +65,19 @@ impl StoredRow {
             }
         }
         stored
+    }
+
+    /// Sheets and charts of all links.
+    pub fn places(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let straight = self.straight.iter().map(|l| (l.sheet, l.chart));
+        straight.chain(self.specular.iter().map(|l| (l.sheet, l.chart)))
+    }
+
+    /// Whether all are finite numbers.
+    pub fn is_finite(&self) -> bool {
+        let all = |numbers: &[f32]| numbers.iter().all(|x| x.is_finite());
+        self.straight.iter().all(|l| all(&l.at) && l.weight.is_finite())
+            && self.specular.iter().all(|l| all(&l.at) && all(&l.weight))
     }
 }
 
@@ -119,7 +134,7 @@ fn merged<W: Copy + AddAssign>(mut entries: Vec<(Patch, [W; 3])>) -> Vec<(Patch,
     entries
 }
 /// Where the flux of a vertex goes, as fractions: straight, and to specular surfaces.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fate {
     /// What goes straight, whatever becomes of it; the rest goes to specular surfaces.
     pub straight: Rgb,
@@ -138,6 +153,11 @@ impl Fate {
             }
         }
         sum
+    }
+
+    /// Whether all are finite numbers.
+    pub fn is_finite(&self) -> bool {
+        self.straight.is_finite() && self.losses.iter().all(|l| l.sum().is_finite())
     }
 
     /// Reads it off a row.

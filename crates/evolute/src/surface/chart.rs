@@ -13,11 +13,13 @@
 
 use std::sync::LazyLock;
 
+use serde::{Deserialize, Serialize};
+
 use super::{Surface, SurfacePoint};
 use crate::geometry::{Matrix3, Vector3};
 
 /// A point of a surface, by the coordinates of one of its charts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChartPoint {
     /// Which chart; 0 where there is one only.
     pub chart: u32,
@@ -26,6 +28,15 @@ pub struct ChartPoint {
 }
 
 impl Surface {
+    /// How many charts it has, numbered from 0.
+    pub fn charts(&self) -> usize {
+        match self {
+            Self::Mesh(m) => m.triangles().len(),
+            Self::Sphere(_) => sphere_charts().len(),
+            _ => 1,
+        }
+    }
+
     /// The chart that a point of the surface lies in, and where.
     pub fn chart_point(&self, point: &SurfacePoint) -> ChartPoint {
         match self {

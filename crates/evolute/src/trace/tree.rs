@@ -11,6 +11,8 @@
 
 use std::ops::{AddAssign, Mul};
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Ray, Rgb, UnitVector3};
 use crate::optics::{
     ConductorIndex, DielectricBoundary, Interaction, reflect_direction, refract_direction,
@@ -71,7 +73,7 @@ pub struct Trunk<'a> {
 }
 
 /// Flux that does not come to diffuse surfaces.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Losses {
     /// Leaves into the open.
     pub escaped: Rgb,

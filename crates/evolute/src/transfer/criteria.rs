@@ -3,6 +3,8 @@
 //! Criteria 1 to 3 look at the samples of a cell and force a division; criterion 4 is the error that
 //! the queue works down.
 
+use serde::{Deserialize, Serialize};
+
 use super::field::{FieldSample, Sight};
 use crate::geometry::{Vector3, math};
 
@@ -10,7 +12,7 @@ use crate::geometry::{Vector3, math};
 const UNSEEN_SHARE: f64 = 0.25;
 
 /// Criterion 1: the solid angle that a cell spans at the receiver is small enough.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolidAngle {
     /// Largest allowed [sr].
     pub largest: f64,
@@ -18,7 +20,7 @@ pub struct SolidAngle {
 
 /// Criterion 2: the normal does not vary too much over a cell; nor, since a chain may meet other
 /// surfaces after the first, does the direction of its last leg.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NormalVariation {
     /// Least allowed cosine between two corners' normals.
     pub least_cosine: f64,
@@ -34,18 +36,18 @@ pub struct NormalVariation {
 }
 
 /// Criterion 3: the ray trees of neighbouring samples hit the same or adjacent surfaces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MatchingTrees {
     /// Divisions that a mismatch may force beyond the first grid.
     pub divisions: u32,
 }
 
 /// Criterion 4: the quadrature over all cells reaches the accuracy asked for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct QuadratureAccuracy;
 
 /// The criteria in force; `None` switches one off.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Criteria {
     /// Criterion 1.
     pub solid_angle: Option<SolidAngle>,

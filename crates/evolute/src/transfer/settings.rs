@@ -1,5 +1,7 @@
 //! What is asked of a transfer and what it answers.
 
+use serde::{Deserialize, Serialize};
+
 use super::chain::Event;
 use super::criteria::Criteria;
 use crate::geometry::{Point3, Rgb, UnitVector3};
@@ -31,7 +33,7 @@ pub type Stop<'c> = &'c (dyn Fn() -> bool + Sync);
 pub const LONGEST_CHAIN: u32 = 256;
 
 /// How accurate, and where to stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TransferSettings {
     /// Tolerance as a fraction of the luminance of the sum of the components asked for.
     pub relative: f64,
