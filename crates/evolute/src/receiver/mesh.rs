@@ -42,13 +42,27 @@ struct Triangle {
     weights: [f64; 3],
 }
 
-/// The line from the middle of an edge to the opposite corner.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How a triangle was cut: by a line from a point of an edge to the opposite corner. Points are looked for in these, by
+/// the million: in single precision twice as many stay close at hand, and a point so near to a line may as well
+/// lie on its other side.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Cut {
-    /// The parts: with the begin of the edge, and with its end.
-    parts: [u32; 2],
-    from: [f64; 2],
-    to: [f64; 2],
+    /// The part with the begin of the edge; the one with its end comes after it. None is 0: not cut.
+    first: u32,
+    from: [f32; 2],
+    along: [f32; 2],
+}
+
+impl Cut {
+    fn is_made(&self) -> bool {
+        self.first != 0
+    }
+
+    /// The part that a point of the chart lies in.
+    fn side(&self, at: [f64; 2]) -> u32 {
+        let [x, y] = [at[0] as f32 - self.from[0], at[1] as f32 - self.from[1]];
+        self.first + u32::from(self.along[0] * y < self.along[1] * x)
+    }
 }
 
 /// A cut that was made: what [`TriangleMesh::repeat`] needs to make it again.
@@ -79,8 +93,8 @@ pub struct TriangleMesh<'s> {
     surface: &'s Surface,
     vertices: Vec<Vertex>,
     triangles: Vec<Triangle>,
-    /// Where each triangle was cut, if it was. Apart from them: points are looked for in these.
-    cuts: Vec<Option<Cut>>,
+    /// Where each triangle was cut, if it was.
+    cuts: Vec<Cut>,
     roots: Roots,
     /// Cuts since the mesh was made, in order.
     history: Vec<EdgeCut>,
@@ -142,7 +156,7 @@ impl<'s> TriangleMesh<'s> {
     fn plant(&mut self) {
         let triangles: Vec<Triangle> = self.roots.triangles().iter().map(Triangle::of).collect();
         self.triangles = triangles;
-        self.cuts = vec![None; self.triangles.len()];
+        self.cuts = vec![Cut::default(); self.triangles.len()];
         self.link();
         let count = self.triangles.iter().flat_map(|t| t.vertices).max().map_or(0, |v| v + 1);
         // The first triangle has a vertex, or the first that knows it to be on the border.
@@ -299,12 +313,12 @@ impl<'s> TriangleMesh<'s> {
 
     /// Numbers of the triangles that are not cut, in increasing order.
     pub fn triangles(&self) -> impl Iterator<Item = u32> + '_ {
-        (0u32..).zip(&self.cuts).filter(|(_, cut)| cut.is_none()).map(|(i, _)| i)
+        (0u32..).zip(&self.cuts).filter(|(_, cut)| !cut.is_made()).map(|(i, _)| i)
     }
 
     /// Whether a triangle is not cut.
     pub fn is_whole(&self, triangle: u32) -> bool {
-        self.cuts[triangle as usize].is_none()
+        !self.cuts[triangle as usize].is_made()
     }
 
     /// Corners of a triangle.
@@ -353,8 +367,10 @@ impl<'s> TriangleMesh<'s> {
     /// Where a point lies that is in a first triangle.
     pub fn locate_from(&self, root: u32, point: &ChartPoint) -> Place {
         let mut triangle = root;
-        while let Some(cut) = &self.cuts[triangle as usize] {
-            triangle = cut.parts[usize::from(area(cut.from, cut.to, point.at) < 0.0)];
+        let mut cut = self.cuts[triangle as usize];
+        while cut.is_made() {
+            triangle = cut.side(point.at);
+            cut = self.cuts[triangle as usize];
         }
         let t = &self.triangles[triangle as usize];
         let whole = t.chart_area();
@@ -388,7 +404,7 @@ impl<'s> TriangleMesh<'s> {
     pub fn refine_to(&mut self, length: f64) {
         let mut triangle = 0;
         while triangle < self.triangles.len() {
-            while self.cuts[triangle].is_none() {
+            while !self.cuts[triangle].is_made() {
                 let (edge, longest) = self.longest_edge(triangle as u32);
                 if longest <= length {
                     break;
@@ -430,12 +446,11 @@ impl<'s> TriangleMesh<'s> {
     /// The part of a triangle, itself if it is not cut, that has the whole edge between two vertices.
     fn find(&self, triangle: u32, ends: [u32; 2]) -> Option<Side> {
         let t = &self.triangles[triangle as usize];
-        match &self.cuts[triangle as usize] {
-            None => {
-                (0..3u8).find(|&e| t.ends(e.into()) == ends).map(|edge| Side { triangle, edge })
-            }
-            Some(cut) => cut.parts.iter().find_map(|&part| self.find(part, ends)),
+        let cut = self.cuts[triangle as usize];
+        if cut.is_made() {
+            return (cut.first..cut.first + 2).find_map(|part| self.find(part, ends));
         }
+        (0..3u8).find(|&e| t.ends(e.into()) == ends).map(|edge| Side { triangle, edge })
     }
 
     fn across(&self, side: Side) -> Option<Side> {
@@ -514,9 +529,12 @@ impl<'s> TriangleMesh<'s> {
                     Some(Side { triangle: part, edge: edge as u8 });
             }
         }
-        self.cuts.extend([None; 2]);
-        self.cuts[side.triangle as usize] =
-            Some(Cut { parts: [first, first + 1], from: at, to: whole.corners[k] });
+        self.cuts.extend([Cut::default(); 2]);
+        self.cuts[side.triangle as usize] = Cut {
+            first,
+            from: at.map(|x| x as f32),
+            along: [0, 1].map(|i| (whole.corners[k][i] - at[i]) as f32),
+        };
         [first, first + 1].map(|triangle| Side { triangle, edge: 0 })
     }
 
@@ -538,7 +556,7 @@ impl<'s> TriangleMesh<'s> {
                 let n = &self.triangles[side.triangle as usize];
                 let mut ends = n.ends(side.edge.into());
                 ends.reverse();
-                if self.cuts[side.triangle as usize].is_some()
+                if self.cuts[side.triangle as usize].is_made()
                     || n.neighbours[usize::from(side.edge)]
                         != Some(Side { triangle: i, edge: e as u8 })
                     || ends != t.ends(e)

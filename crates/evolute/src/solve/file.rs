@@ -14,7 +14,8 @@ use thiserror::Error;
 
 use super::fingerprint::{Hash, fingerprint};
 use super::{
-    Checkpoint, Layer, Ledger, Outcome, Sheet, Solution, SolverCounts, SolverSettings, first_edge,
+    Checkpoint, Layer, Ledger, Outcome, Sheet, Solution, SolverCounts, SolverSettings, VertexError,
+    first_edge,
 };
 use crate::geometry::Rgb;
 use crate::receiver::{EdgeCut, TriangleMesh};
@@ -163,9 +164,9 @@ struct StoredOutcome {
 struct StoredLayer {
     /// By sheet.
     cuts: Vec<Vec<EdgeCut>>,
-    /// By vertex, numbered through all sheets: irradiance [W/m²] and the estimated error of its luminance [W/m²].
+    /// By vertex, numbered through all sheets: irradiance [W/m²] and the estimated errors of its luminance.
     irradiance: Vec<Rgb>,
-    error: Vec<f64>,
+    error: Vec<VertexError>,
 }
 
 /// Encodes a solution of a scene, and what another run may go on from.

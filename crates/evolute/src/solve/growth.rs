@@ -1,12 +1,15 @@
 //! Meshes that grow where light is not linear over their triangles.
 
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::checkpoint::Known;
+use super::layer::VertexError;
 use super::{Job, Sheet};
 use crate::receiver::{TriangleMesh, within};
+use crate::surface::ChartPoint;
 use crate::transfer::{Control, Order};
 
 /// What is computed at a vertex.
@@ -25,6 +28,8 @@ pub(super) struct Growth<'s, L> {
     pub light: Vec<L>,
     /// By vertex: whether that was computed, and not put together of others for want of time.
     pub is_computed: Vec<bool>,
+    /// Light that lands on it, as rays from the lamps say: where, and its luminance [W].
+    pub landed: Vec<(ChartPoint, f64)>,
 }
 
 /// When to stop.
@@ -43,6 +48,9 @@ pub(super) struct Rule<'r> {
     pub max_vertices: usize,
 }
 
+/// Standard deviations of what lands by chance. (Rays are aimed evenly: they scatter less than that.)
+const CHANCE: f64 = 2.0;
+
 /// Each round cuts the worst triangles that have this part of the error.
 const EACH_ROUND: f64 = 0.5;
 
@@ -51,7 +59,12 @@ impl<'s, L> Growth<'s, L> {
     pub fn all(job: &Job<'_, 's>) -> Vec<Self> {
         let surface = |sheet: &Sheet| &job.scene.shape(sheet.shape).surface;
         let mesh = |sheet: &Sheet| TriangleMesh::new(surface(sheet), job.edge);
-        let growth = |sheet| Self { mesh: mesh(sheet), light: Vec::new(), is_computed: Vec::new() };
+        let growth = |sheet| Self {
+            mesh: mesh(sheet),
+            light: Vec::new(),
+            is_computed: Vec::new(),
+            landed: Vec::new(),
+        };
         job.sheets.iter().map(growth).collect()
     }
 }
@@ -92,17 +105,44 @@ impl<L: Light + Default> Growth<'_, L> {
         0.125 * most
     }
 
-    /// By vertex: the error of its own light, plus the largest interpolation error of the triangles around
-    /// [W/m²].
-    pub fn vertex_errors(&self, own: impl Fn(&L) -> f64) -> Vec<f64> {
-        let mut errors = vec![0.0; self.mesh.vertices().len()];
-        for t in self.mesh.triangles() {
-            let error = self.interpolation_error(t);
+    /// By triangle that light landed in: irradiance of that, in the mean, beyond what the corners let expect, either
+    /// way, and what the number of rays lets be chance [W/m²].
+    fn surprises(&self) -> HashMap<u32, f64> {
+        let mut sums: HashMap<u32, (f64, f64)> = HashMap::new();
+        for (site, flux) in &self.landed {
+            let (sum, squares) = sums.entry(self.mesh.locate(site).triangle).or_default();
+            *sum += flux;
+            *squares += flux * flux;
+        }
+        let surprise = |(t, (sum, squares)): (u32, (f64, f64))| {
+            let area: f64 = self.mesh.weights(t).iter().sum();
+            let known = self.mesh.corners(t).map(|v| self.luminance(v)).iter().sum::<f64>() / 3.0;
+            let chance = CHANCE * squares.sqrt() / area;
+            (t, ((sum / area - known).abs() - chance).max(0.0))
+        };
+        sums.into_iter().map(surprise).collect()
+    }
+
+    /// Errors of [`Self::interpolation_error`], or more where rays from the lamps say so, by triangle.
+    fn errors(&self) -> Vec<(u32, f64)> {
+        let surprises = self.surprises();
+        let error = |t| {
+            let surprise = surprises.get(&t).copied().unwrap_or(0.0);
+            (t, self.interpolation_error(t).max(surprise))
+        };
+        self.mesh.triangles().map(error).collect()
+    }
+
+    /// By vertex: the error of its own light, and the largest of the triangles around.
+    pub fn vertex_errors(&self, own: impl Fn(&L) -> f64) -> Vec<VertexError> {
+        let of = |light| VertexError { own: own(light), interpolation: 0.0 };
+        let mut errors: Vec<VertexError> = self.light.iter().map(of).collect();
+        for (t, error) in self.errors() {
             for v in self.mesh.corners(t) {
-                errors[v as usize] = f64::max(errors[v as usize], error);
+                let interpolation = &mut errors[v as usize].interpolation;
+                *interpolation = interpolation.max(error);
             }
         }
-        errors.iter_mut().zip(&self.light).for_each(|(e, light)| *e += own(light));
         errors
     }
 }
@@ -129,8 +169,7 @@ pub(super) fn grow<'s, L: Light + Default>(
         let mut errors: Vec<(f64, usize, u32)> = Vec::new();
         let mut coarse: Vec<(usize, u32)> = Vec::new();
         for (i, g) in growths.iter().enumerate() {
-            for t in g.mesh.triangles() {
-                let error = g.interpolation_error(t);
+            for (t, error) in g.errors() {
                 errors.push((error * g.mesh.weights(t).iter().sum::<f64>(), i, t));
                 let in_all = |v: &u32| g.light.get(*v as usize).map_or(0.0, Light::in_all);
                 let light = g.mesh.corners(t).iter().map(in_all).sum::<f64>() / 3.0;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checkpoint::Known;
 use super::growth::{Growth, Light, Rule, grow};
+use super::landing::landings;
 use super::rows::ambient;
 use super::{Job, Layer};
 use crate::geometry::Rgb;
@@ -15,13 +16,13 @@ use crate::trace::tree::{Limits, Losses};
 use crate::trace::{Anchor, Tracer};
 use crate::transfer::{Components, HemisphereSettings, Order, Receiver, Transfer, gather};
 
-/// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy.
-const INTERPOLATION: f64 = 0.25;
-
 /// How finely one part of the lamps' light is followed.
 struct Fineness {
     stage: &'static str,
     components: Components,
+    /// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy: the sum without
+    /// regard to sign. Beside edges of light, where most of it is, too much here makes up for too little there.
+    flux: f64,
     /// Part of the light at a place that interpolation may be wrong by, in units of the accuracy,
     local: f64,
     /// and edges down to which that counts, as a part of the first ones: light of lamps may end anywhere.
@@ -32,6 +33,7 @@ struct Fineness {
 const DIRECT: Fineness = Fineness {
     stage: "direct light",
     components: Components { direct: true, specular: false },
+    flux: 1.0,
     local: 0.5,
     fine: 0.125,
 };
@@ -39,6 +41,7 @@ const DIRECT: Fineness = Fineness {
 const SPECULAR: Fineness = Fineness {
     stage: "specular light",
     components: Components { direct: false, specular: true },
+    flux: 0.5,
     local: 2.0,
     fine: 0.25,
 };
@@ -80,7 +83,7 @@ impl Light for LampLight {
 
 /// What lamps send straight; whether there was time for it.
 pub(super) fn direct<'s>(job: &Job<'_, 's>, known: &mut Known<LampLight>) -> (Layer<'s>, bool) {
-    illuminate(job, &DIRECT, known, 0.0, &|_, _| 0.0)
+    illuminate(job, &DIRECT, Growth::all(job), known, 0.0, &|_, _| 0.0)
 }
 
 /// What lamps send by specular chains, in addition to direct light.
@@ -93,7 +96,11 @@ pub(super) fn specular<'s>(
         return (Layer::dark(job.scene, job.sheets, job.edge), true);
     }
     let beside = |sheet: usize, site: &ChartPoint| direct.at(sheet, site).luminance();
-    illuminate(job, &SPECULAR, known, direct.flux().0.luminance(), &beside)
+    let mut growths = Growth::all(job);
+    for landing in landings(job) {
+        growths[landing.sheet].landed.push((landing.site, landing.flux));
+    }
+    illuminate(job, &SPECULAR, growths, known, direct.flux().0.luminance(), &beside)
 }
 
 /// One part, beside a flux that is known otherwise [W] and what it brings to a place, luminances [W/m²]. What is `known`
@@ -101,19 +108,19 @@ pub(super) fn specular<'s>(
 fn illuminate<'s>(
     job: &Job<'_, 's>,
     fineness: &Fineness,
+    mut growths: Vec<Growth<'s, LampLight>>,
     known: &mut Known<LampLight>,
     flux: f64,
     beside: &(dyn Fn(usize, &ChartPoint) -> f64 + Sync),
 ) -> (Layer<'s>, bool) {
     let Job { scene, sheets, tracer, edge, settings, control } = *job;
     let transfer = Transfer::new(scene, tracer, settings.transfer);
-    let mut growths = Growth::all(job);
     let relative = settings.transfer.relative;
     let surfaces = sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
     let ambient = ambient(scene.emitted_flux(), surfaces).luminance();
     let rule = Rule {
         stage: fineness.stage,
-        allowed: &|received| INTERPOLATION * relative * (received + flux),
+        allowed: &|received| fineness.flux * relative * (received + flux),
         shortest: super::SHORTEST * edge,
         allowed_here: &|light| fineness.local * relative * light,
         fine: fineness.fine * edge,

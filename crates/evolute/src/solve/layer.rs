@@ -3,6 +3,8 @@
 //! The light of lamps has edges, that of other surfaces hardly any, and a vertex of the one costs a hundred
 //! times one of the other: so each has its own meshes.
 
+use serde::{Deserialize, Serialize};
+
 use super::Sheet;
 use super::transport::Patch;
 use crate::geometry::Rgb;
@@ -19,6 +21,27 @@ pub(super) struct PatchCorners {
     pub weights: [f64; 3],
 }
 
+/// Estimated errors of the luminance of the irradiance at a vertex [W/m²].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct VertexError {
+    /// Of what was computed there.
+    pub own: f64,
+    /// Of interpolation around it.
+    pub interpolation: f64,
+}
+
+impl VertexError {
+    /// All of it.
+    pub fn sum(&self) -> f64 {
+        self.own + self.interpolation
+    }
+
+    /// Whether it is a number.
+    pub(super) fn is_finite(&self) -> bool {
+        self.sum().is_finite()
+    }
+}
+
 /// A mesh on each sheet, and values at all their vertices.
 #[derive(Clone, Debug)]
 pub struct Layer<'s> {
@@ -31,7 +54,7 @@ pub struct Layer<'s> {
     pub(super) area: Vec<f64>,
     pub(super) reflectance: Vec<Rgb>,
     pub(super) irradiance: Vec<Rgb>,
-    pub(super) error: Vec<f64>,
+    pub(super) error: Vec<VertexError>,
     /// By sheet and triangle: quadratic interpolation.
     middles: Vec<Vec<[Stencil; 3]>>,
     /// By patch: what the quadratic part adds in the mean, as weights of vertices numbered through all sheets.
@@ -46,7 +69,7 @@ impl<'s> Layer<'s> {
         sheets: &[Sheet],
         meshes: Vec<TriangleMesh<'s>>,
         irradiance: Vec<Rgb>,
-        error: Vec<f64>,
+        error: Vec<VertexError>,
     ) -> Self {
         let mut layer = Self {
             first_vertex: Vec::new(),
@@ -89,7 +112,7 @@ impl<'s> Layer<'s> {
         let mesh = |s: &Sheet| TriangleMesh::new(&scene.shape(s.shape).surface, edge);
         let meshes: Vec<_> = sheets.iter().map(mesh).collect();
         let count = meshes.iter().map(|m| m.vertices().len()).sum();
-        Self::new(sheets, meshes, vec![Rgb::BLACK; count], vec![0.0; count])
+        Self::new(sheets, meshes, vec![Rgb::BLACK; count], vec![VertexError::default(); count])
     }
 
     /// The meshes, by sheet.
@@ -103,7 +126,7 @@ impl<'s> Layer<'s> {
     }
 
     /// Estimated error of its luminance at the vertices of a sheet [W/m²].
-    pub fn error(&self, sheet: usize) -> &[f64] {
+    pub fn error(&self, sheet: usize) -> &[VertexError] {
         &self.error[self.range(sheet)]
     }
 
@@ -154,7 +177,7 @@ impl<'s> Layer<'s> {
     pub fn error_at(&self, sheet: usize, site: &ChartPoint) -> f64 {
         let (patch, weights) = self.locate(sheet, site);
         let corners = self.patches[patch as usize].vertices;
-        corners.iter().zip(weights).map(|(v, w)| self.error[*v as usize] * w).sum()
+        corners.iter().zip(weights).map(|(v, w)| self.error[*v as usize].sum() * w).sum()
     }
 
     /// Area of all sheets [m²], and their mean reflectance: the largest channel.
@@ -162,6 +185,14 @@ impl<'s> Layer<'s> {
         let area: f64 = self.area.iter().sum();
         let each = self.reflectance.iter().zip(&self.area);
         (area, each.map(|(r, a)| r.max() * a / area).sum())
+    }
+
+    /// The largest error that interpolation makes in the triangle around a point of a sheet, estimated, of the luminance
+    /// [W/m²].
+    pub fn interpolation_error_at(&self, sheet: usize, site: &ChartPoint) -> f64 {
+        let (patch, _) = self.locate(sheet, site);
+        let corners = self.patches[patch as usize].vertices;
+        corners.iter().map(|v| self.error[*v as usize].interpolation).fold(0.0, f64::max)
     }
 
     /// Makes flux that of quadratic interpolation: areas of vertices, and what patches send.

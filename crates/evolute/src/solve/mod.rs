@@ -20,6 +20,7 @@ mod file;
 mod fingerprint;
 mod growth;
 mod lamps;
+mod landing;
 mod layer;
 mod ledger;
 mod outcome;
@@ -42,7 +43,7 @@ use crate::transfer::{Control, LONGEST_CHAIN, Order, TransferSettings};
 pub use checkpoint::Checkpoint;
 use checkpoint::Known;
 pub use file::{SolutionError, SolutionFile, decode_solution, encode_solution};
-pub use layer::Layer;
+pub use layer::{Layer, VertexError};
 pub use ledger::Ledger;
 pub use outcome::Outcome;
 pub use probe::{Probe, ProbeLight};
@@ -235,7 +236,8 @@ impl<'s> Solver<'s> {
         let limits = limits(&settings.transfer);
         let (growths, whole) = rows::gather_rows(&job, &solution, &limits, &mut checkpoint.rows);
         complete &= whole;
-        let error: Vec<f64> = growths.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
+        let error: Vec<VertexError> =
+            growths.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
         let (mut meshes, mut seen) = (Vec::new(), Vec::new());
         for g in growths {
             meshes.push(g.mesh);

@@ -76,6 +76,19 @@ impl<'s> Solution<'s> {
         Some(self.layers.each_ref().map(|layer| layer.at_from(sheet, root, &site)))
     }
 
+    /// The same of one component alone; with the error that interpolation makes there, estimated, of its luminance
+    /// [W/m²].
+    pub fn component_at(
+        &self,
+        scene: &Scene,
+        leaf: &Leaf,
+        component: Component,
+    ) -> Option<(Rgb, f64)> {
+        let (sheet, site) = self.place(scene, leaf)?;
+        let layer = self.layer(component);
+        Some((layer.at(sheet, &site), layer.interpolation_error_at(sheet, &site)))
+    }
+
     /// Radiosity reflected where a ray tree ends [W/m²]; none if that side is not diffuse.
     pub fn radiosity(&self, scene: &Scene, leaf: &Leaf) -> Rgb {
         let [direct, specular, indirect] = self.at(scene, leaf).unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use crate::geometry::Rgb;
 use crate::scene::Scene;
-use crate::solve::Solution;
+use crate::solve::{Component, Solution};
 use crate::trace::Tracer;
 use crate::trace::tree::{Leaf, Limits};
 use crate::transfer::{
@@ -96,21 +96,41 @@ pub(super) struct Indirect<'s> {
     pub absolute: f64,
 }
 
+/// Errors of linear interpolation on a mesh up to which it is read off, in tolerances: it is quadratic.
+const READ: f64 = 2.0;
+
 /// Most samples of a hemisphere.
 const MAX_SAMPLES: usize = 20_000;
 
 impl Indirect<'_> {
+    /// What the meshes say of a part, if interpolation is good enough there, with a tolerance not below `absolute`
+    /// [W/m²]. What they hold at their vertices was computed as accurately as it would be here.
+    fn of_mesh(&self, leaf: &Leaf, part: Part, absolute: f64) -> Option<PartLight> {
+        let component = match part {
+            Part::Direct => return None,
+            Part::Specular => Component::Specular,
+            Part::Indirect => Component::Indirect,
+        };
+        let (irradiance, error) =
+            self.solution.component_at(self.tracer.scene(), leaf, component)?;
+        let tolerance = (self.relative * irradiance.luminance()).max(absolute).max(self.absolute);
+        let read = PartLight { irradiance, error, met: true, ..PartLight::default() };
+        let allowed = if part == Part::Indirect { READ } else { 0.5 * READ };
+        (error <= allowed * tolerance).then_some(read)
+    }
+
     /// What comes to a leaf by way of other diffuse surfaces, with a tolerance not below `absolute` [W/m²].
     fn light(&self, leaf: &Leaf, absolute: f64) -> PartLight {
         let receiver = Receiver { position: leaf.anchor.point.x, normal: leaf.normal };
         // What the mesh says of it.
-        let [_, _, expected] = self.solution.at(self.tracer.scene(), leaf).unwrap_or_default();
-        let own = self.relative * expected.luminance();
-        let settings = HemisphereSettings {
-            limits: self.limits,
-            tolerance: own.max(absolute).max(self.absolute),
-            max_samples: MAX_SAMPLES,
-        };
+        let scene = self.tracer.scene();
+        let [_, _, expected] = self.solution.at(scene, leaf).unwrap_or_default();
+        let tolerance = (self.relative * expected.luminance()).max(absolute).max(self.absolute);
+        if let Some(known) = self.of_mesh(leaf, Part::Indirect, absolute) {
+            return known;
+        }
+        let settings =
+            HemisphereSettings { limits: self.limits, tolerance, max_samples: MAX_SAMPLES };
         let gathered = self.solution.gather(self.tracer, &receiver, &settings);
         PartLight {
             irradiance: gathered.irradiance,
@@ -171,6 +191,12 @@ impl<'s> Lighting<'s> {
                 return self.indirect.map_or(nothing, |indirect| indirect.light(leaf, absolute));
             }
         };
+        if part == Part::Specular
+            && let Some(indirect) = &self.indirect
+            && let Some(known) = indirect.of_mesh(leaf, part, absolute)
+        {
+            return known;
+        }
         let receiver = Receiver { position: leaf.anchor.point.x, normal: leaf.normal };
         let longest = self.transfers.len() - 1;
         let transfer = &self.transfers[longest.min(usize::try_from(left).unwrap_or(longest))];
