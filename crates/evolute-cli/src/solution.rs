@@ -90,12 +90,13 @@ impl<'s> Job<'_, 's> {
         };
         let mut solver = solver.ok_or(Failure::Interrupted)?;
         let first = solver.ledger().unshot.luminance();
+        let mut turn = 0u64;
         let ended = loop {
             let iterations = solver.counts().iterations();
             if self.common.max_iterations.is_some_and(|most| iterations >= most) {
                 break Ok(());
             }
-            if iterations.is_multiple_of(ITERATIONS) {
+            if turn.is_multiple_of(ITERATIONS) {
                 match self.order() {
                     Order::Go => {}
                     Order::Finish => break Ok(()),
@@ -111,6 +112,7 @@ impl<'s> Job<'_, 's> {
             if solver.step().is_none() {
                 break Ok(());
             }
+            turn += 1;
         };
         if let Some(checkpoint) = checkpoint {
             solver.keep_state(checkpoint);

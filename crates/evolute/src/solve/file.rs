@@ -97,7 +97,7 @@ pub enum SolutionError {
         asked: String,
     },
     /// More than a file may hold.
-    #[error("the solution is too large for a file; ask for a lower accuracy")]
+    #[error("the solution is too large for a file; choose a larger --accuracy")]
     TooLarge,
 }
 
@@ -226,7 +226,7 @@ pub fn decode_solution<'s>(
     bytes: &[u8],
     scene: &'s Scene,
 ) -> Result<SolutionFile<'s>, SolutionError> {
-    let raw = unpack(bytes, fingerprint(scene))?;
+    let raw = unpack(bytes, || fingerprint(scene))?;
     let content: Content<'_, Checkpoint> =
         postcard::from_bytes(&raw).map_err(|_| SolutionError::Damaged)?;
     let Content { program, settings, outcome, checkpoint } = content;
@@ -254,7 +254,7 @@ pub fn decode_solution<'s>(
 }
 
 /// The content's bytes, if the header is as it should be.
-fn unpack(bytes: &[u8], fingerprint: u128) -> Result<Vec<u8>, SolutionError> {
+fn unpack(bytes: &[u8], fingerprint: impl Fn() -> u128) -> Result<Vec<u8>, SolutionError> {
     let head = &bytes[..bytes.len().min(HEADER - 16)];
     let mut left = bytes;
     let magic: Option<[u8; 8]> = next(&mut left);
@@ -279,7 +279,7 @@ fn unpack(bytes: &[u8], fingerprint: u128) -> Result<Vec<u8>, SolutionError> {
     if sum != checksum(head, left) || raw > LARGEST {
         return Err(SolutionError::Damaged);
     }
-    if own != fingerprint {
+    if own != fingerprint() {
         return Err(SolutionError::OtherScene);
     }
     // What comes out takes memory as it comes, and never more than was announced.
@@ -333,5 +333,91 @@ impl StoredLayer {
         let mut layer = Layer::new(sheets, meshes, irradiance, error);
         layer.bend();
         Ok(layer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::scene::load_str;
+    use crate::solve::{Component, HALT, Solver};
+    use crate::surface::ChartPoint;
+    use crate::trace::Tracer;
+    use crate::transfer::Control;
+
+    /// Content that says other things, under a checksum that is right.
+    fn wrapped(fingerprint: u128, raw: &[u8], announced: usize) -> Vec<u8> {
+        let packed = zstd::bulk::compress(raw, LEVEL).unwrap();
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend(fingerprint.to_le_bytes());
+        bytes.extend((packed.len() as u64).to_le_bytes());
+        bytes.extend((announced as u64).to_le_bytes());
+        bytes.extend(checksum(&bytes, &packed).to_le_bytes());
+        bytes.extend(packed);
+        bytes
+    }
+
+    /// What passes the checksum may still say anything. Files are read or refused; what is read can be used.
+    #[test]
+    fn content_is_not_believed() {
+        let text = r#"<scene version="3.0.0">
+            <shape type="rectangle"><bsdf type="diffuse"/></shape>
+            <shape type="sphere"><point name="center" value="0, 0, 0.5"/><float name="radius" value="0.3"/>
+                <bsdf type="diffuse"/></shape>
+            <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="180"/><translate z="2"/></transform>
+                <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape></scene>"#;
+        let scene = load_str("test.xml", text, &[]).unwrap().scene;
+        let tracer = Tracer::new(&scene);
+        let mut settings = SolverSettings { edge: Some(1.0), ..SolverSettings::default() };
+        settings.transfer.relative = 0.2;
+        let mut checkpoint = Checkpoint::default();
+        let mut solver =
+            Solver::resume(&scene, &tracer, &settings, &Control::GO, &mut checkpoint).unwrap();
+        for _ in 0..20 {
+            solver.step();
+        }
+        solver.keep_state(&mut checkpoint);
+        let outcome = solver.into_outcome();
+        let bytes = encode_solution(&scene, &settings, Some(&outcome), Some(&checkpoint)).unwrap();
+        let own = fingerprint(&scene);
+        let raw = unpack(&bytes, || own).unwrap();
+        assert!(bytes == wrapped(own, &raw, raw.len()));
+        // More, and less, than is announced.
+        for announced in [0, raw.len() - 1, raw.len() + 1, usize::MAX] {
+            assert!(unpack(&wrapped(own, &raw, announced), || own).is_err());
+        }
+        let (mut refused, mut read) = (0, 0);
+        let mut random = 1u64;
+        for round in 0..400 {
+            random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            let mut other = raw.clone();
+            // Lengths stand near the beginning.
+            let near = if round % 2 == 0 { 400 } else { raw.len() };
+            let at = (random >> 33) as usize % near.min(raw.len());
+            other[at] ^= (1 + (random >> 20) % 255) as u8;
+            match decode_solution(&wrapped(own, &other, other.len()), &scene) {
+                Err(_) => refused += 1,
+                Ok(file) => {
+                    read += 1;
+                    for component in Component::ALL {
+                        let layer = file.outcome.as_ref().unwrap().solution.layer(component);
+                        layer.at(0, &ChartPoint { chart: 0, at: [0.3, -0.2] });
+                    }
+                    // What is asked is the run's, not the file's.
+                    let mut known = file.checkpoint.unwrap_or_default();
+                    let run = Solver::resume(&scene, &tracer, &settings, &HALT, &mut known);
+                    let mut run = run.unwrap();
+                    for _ in 0..20 {
+                        run.step();
+                    }
+                    run.into_outcome();
+                }
+            }
+        }
+        assert!(refused > 50 && read > 50, "{refused} refused, {read} read");
     }
 }

@@ -21,7 +21,7 @@ pub struct Outcome<'s> {
 impl Outcome<'_> {
     /// What indirect light of some luminance is uncertain by because flux is missing [W/m²]: it was not shot, or was in
     /// branches that were cut, and would have been reflected on as all light is in the mean. It is taken to be missing in
-    /// proportion to the light that there is; of a solution that is not complete, for which flux of the lamps may be
+    /// proportion to the light that there is, twice as much in one place as in the mean; of a solution that is not complete, for which flux of the lamps may be
     /// missing, too, at least as much as if it were spread evenly.
     pub fn missing(&self, light: f64) -> f64 {
         let Ledger { unshot, cut, discretisation, .. } = &self.ledger;
@@ -29,7 +29,7 @@ impl Outcome<'_> {
         let received: f64 =
             self.solution.layers.iter().map(|layer| layer.flux().0.luminance()).sum();
         let (area, reflected) = self.solution.layer(Component::Indirect).area_and_reflectance();
-        let on = 1.0 / (1.0 - reflected.min(MOST_REFLECTED));
+        let on = UNEVEN / (1.0 - reflected.min(MOST_REFLECTED));
         let of = |x: f64| if x.is_finite() { x } else { 0.0 };
         if self.is_complete {
             return of(flux * on * light / received);
@@ -38,6 +38,9 @@ impl Outcome<'_> {
         of(flux * on * light / received).max(of(flux * on / area))
     }
 }
+
+/// How much more of its light may be missing in one place than in the mean.
+const UNEVEN: f64 = 2.0;
 
 /// Where all light is reflected, none comes to rest: more than this is not believed of a mean reflectance.
 const MOST_REFLECTED: f64 = 0.999;
