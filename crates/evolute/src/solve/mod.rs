@@ -49,7 +49,7 @@ pub use outcome::Outcome;
 pub use probe::{Probe, ProbeLight};
 pub use sheet::Sheet;
 pub use solution::{Component, Solution};
-use source::{Source, Way};
+use source::{Balance, Source, Way};
 use transport::{BoundRow, Fate, Patch, StoredRow, Transport};
 
 /// Who shoots next, and how far.
@@ -110,7 +110,9 @@ pub struct SolverCounts {
     pub vertices: [usize; 3],
     /// Pairs of a patch and a vertex that it lights: straight, and by specular chains.
     pub links: [usize; 2],
-    /// Rays traced to find them.
+    /// Links followed in all shots, one by one: straight, and by specular chains.
+    pub replayed: [u64; 2],
+    /// Rays traced to find the links.
     pub rays: u64,
     /// What shots were scaled by to conserve flux, less 1, without regard to sign; mean over all flux shot.
     pub correction: f64,
@@ -148,6 +150,7 @@ enum Plan {
 type Shooter = (usize, Patch);
 
 /// The loop, and the only state that changes.
+#[derive(Clone)]
 pub struct Solver<'s> {
     settings: SolverSettings,
     solution: Solution<'s>,
@@ -307,6 +310,12 @@ impl<'s> Solver<'s> {
         self.first_discretisation = self.ledger.discretisation;
     }
 
+    /// Lets others shoot from now on. What has been shot stays as it is: the scheme changes the way to the answer.
+    pub fn set_scheme(&mut self, scheme: Scheme) {
+        self.agenda.clear();
+        self.settings.scheme = scheme;
+    }
+
     /// Where ray trees end.
     pub fn limits(&self) -> Limits {
         limits(&self.settings.transfer)
@@ -331,15 +340,15 @@ impl<'s> Solver<'s> {
                         (0..self.solution.layers[l].patches.len()).map(move |p| (l, p as Patch))
                     };
                     let shooters: Vec<Shooter> = (0..3).flat_map(all).collect();
-                    self.conserve(&shooters, Way::Specular);
+                    self.conserve(Way::Specular);
                     self.shoot_specular(&shooters);
                     self.counts.specular += 1;
                     return Some(Iteration::Specular);
                 }
                 Plan::Diffuse(shooters) => {
-                    self.conserve(&shooters, Way::Straight);
+                    self.conserve(Way::Straight);
                     if self.settings.scheme == Scheme::Joint {
-                        self.conserve(&shooters, Way::Specular);
+                        self.conserve(Way::Specular);
                     }
                     self.agenda = shooters;
                 }
@@ -354,13 +363,16 @@ impl<'s> Solver<'s> {
         Some(Iteration::Diffuse)
     }
 
-    /// Finds the factors by which what these shoot one way is conserved.
-    fn conserve(&mut self, shooters: &[Shooter], way: Way) {
+    /// Finds the factor by which what is shot one way is conserved.
+    fn conserve(&mut self, way: Way) {
         let owed = self.ledger.discretisation - self.first_discretisation;
-        for layer in 0..3 {
-            let own = shooters.iter().filter(|s| s.0 == layer);
-            let patches: Vec<usize> = own.map(|s| s.1 as usize).collect();
-            self.sources[layer].conserve(&self.solution.layers[layer], &patches, way, owed);
+        let mut balance = Balance::default();
+        for (source, layer) in self.sources.iter().zip(&self.solution.layers) {
+            balance += source.balance(layer, way);
+        }
+        let factor = balance.factor(owed);
+        for source in &mut self.sources {
+            source.factors[way as usize] = factor;
         }
     }
 
@@ -429,6 +441,8 @@ impl<'s> Solver<'s> {
             received += flux;
             absorbed += kept;
         }
+        let followed = self.sources[layer].transport.straight(patch as Patch).len();
+        self.counts.replayed[Way::Straight as usize] += followed as u64;
         self.enter((layer, patch as Patch), unshot, Way::Straight, received, absorbed);
     }
 
@@ -442,7 +456,9 @@ impl<'s> Solver<'s> {
             let factor = self.sources[layer].factor(Way::Specular);
             let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
             let reflected = self.solution.layer(Component::Indirect);
-            for entry in self.sources[layer].transport.specular(patch) {
+            let followed = self.sources[layer].transport.specular(patch);
+            self.counts.replayed[Way::Specular as usize] += followed.len() as u64;
+            for entry in followed {
                 let v = entry.vertex as usize;
                 let mut own = Rgb::BLACK;
                 for c in 0..3 {
