@@ -237,7 +237,10 @@ def render_batches(arguments, scene, folder):
         calls += 1
         spent = processor_seconds(resource.RUSAGE_SELF) - start
         batches, samples = sums / calls, calls * arguments.batches * arguments.samples
-        np.savez_compressed(saved, batches=batches, seconds=spent, samples=samples)
+        # Renamed into place: a run that is ended while it writes leaves what was there.
+        part = folder / "part.npz"
+        np.savez_compressed(part, batches=batches, seconds=spent, samples=samples)
+        part.replace(saved)
     return batches, {"seconds": spent, "samples": samples}
 
 
