@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 mod check;
+mod export;
 mod failure;
 mod options;
 mod points;
@@ -35,6 +36,7 @@ Examples:
   evolute solve desk.xml -o desk.evolute          where light goes, for pictures and points later
   evolute probe desk.xml --points grid.csv        irradiance at the points of a table
   evolute check desk.xml                          reads a scene and says what is in it
+  evolute export desk.xml -o desk_mitsuba         writes it in the words of Mitsuba 3 alone
 
 Exit status: 0 done; 1 the input is wrong; 2 wrong command line; 3 stopped by a limit that was asked
 for, the result is written; 130 interrupted.";
@@ -45,6 +47,7 @@ enum Verb {
     Solve(solve::Arguments),
     Probe(probe::Arguments),
     Check(check::Arguments),
+    Export(export::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Verb::Solve(a) => ("solve", &a.common),
         Verb::Probe(a) => ("probe", &a.common),
         Verb::Check(a) => ("check", &a.common),
+        Verb::Export(a) => ("export", &a.common),
     };
     let mut summary = Summary::new(name);
     let result = session::set_up(common).and_then(|()| match &cli.verb {
@@ -61,6 +65,7 @@ fn main() -> ExitCode {
         Verb::Solve(a) => solve::run(a, &mut summary),
         Verb::Probe(a) => probe::run(a, &mut summary),
         Verb::Check(a) => check::run(a, &mut summary),
+        Verb::Export(a) => export::run(a, &mut summary),
     });
     let status = match &result {
         Ok(()) => 0,

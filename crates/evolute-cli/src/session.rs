@@ -116,10 +116,12 @@ pub fn load_or_built_in(
     }
 }
 
+/// The text of the scene that is part of the program.
+pub const ROOM: &str = include_str!("../../../cases/room/scene.xml");
+
 /// The scene that is part of the program. Nobody needs its notices: they are for those who write
 /// scenes.
 fn load_built_in(common: &Common, summary: &mut Summary) -> Result<Scene, Failure> {
-    const ROOM: &str = include_str!("../../../cases/room/scene.xml");
     let loaded = evolute::scene::load_str("room.xml", ROOM, &common.define);
     let loaded = loaded.map_err(|e| Failure::Input(e.to_string()))?;
     summary.set("scene", "room");

@@ -16,7 +16,7 @@ fn help_and_version() {
     let version = folder.run(&["--version"]);
     assert_eq!(status(&version), 0);
     assert!(stdout(&version).starts_with("evolute 0."));
-    for verb in ["render", "solve", "probe", "check"] {
+    for verb in ["render", "solve", "probe", "check", "export"] {
         let help = folder.run(&[verb, "--help"]);
         assert_eq!(status(&help), 0);
         assert!(stdout(&help).contains("Example"), "{verb}");
@@ -46,6 +46,8 @@ fn wrong_command_lines_end_with_2() {
         &["probe", "s.xml", "--points", "p.csv", "--components", "glow"],
         &["render", "s.xml", "-o", "picture.jpg"],
         &["render", "s.xml", "--size", "640"],
+        &["export", "s.xml"],
+        &["export", "s.xml", "-o", "plain", "--triangles", "0"],
     ] {
         let output = folder.run(arguments);
         assert_eq!(status(&output), 2, "{arguments:?}");

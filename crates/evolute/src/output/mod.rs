@@ -1,4 +1,4 @@
-//! Files: OpenEXR, PNG, Radiance, CSV, NPY and NPZ. No physics.
+//! Files: OpenEXR, PNG, Radiance, CSV, NPY, NPZ and PLY. No physics.
 //!
 //! Every format is *encoded* to bytes and then *put in place* by [`replace_file`], so that a reader
 //! never sees half a file and a failed run leaves what was there before. The bytes depend on the data
@@ -8,6 +8,7 @@ mod csv;
 mod exr;
 mod file;
 mod npz;
+mod ply;
 mod png;
 mod radiance;
 mod raster;
@@ -17,6 +18,7 @@ pub use self::csv::{csv_field, csv_number};
 pub use self::exr::{ExrAttributes, encode_exr};
 pub use self::file::{check_target, replace_file};
 pub use self::npz::{Array, ArrayData, encode_npy, encode_npz};
+pub use self::ply::{PlyMesh, encode_ply};
 pub use self::png::encode_png;
 pub use self::radiance::encode_radiance;
 pub use self::raster::{Channel, Raster};

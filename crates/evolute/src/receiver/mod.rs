@@ -4,6 +4,8 @@
 mod mesh;
 mod quadratic;
 mod roots;
+mod tessellation;
 
 pub use mesh::{EdgeCut, Place, TriangleMesh, Vertex};
 pub use quadratic::{Stencil, merged, within};
+pub use tessellation::Tessellation;

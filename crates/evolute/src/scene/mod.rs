@@ -3,7 +3,8 @@
 //! [`load_file`] does it all. On the way: `source` holds the texts and positions in them, `xml`
 //! reads elements, `text` replaces parameters in their attributes, `describe` makes objects and
 //! values of them, `schema` knows the plugins, `check` builds the scene with `shape`, `material`
-//! and `sensor`; whatever is wrong becomes a `message`.
+//! and `sensor`; whatever is wrong becomes a `message`. `plain` writes a description down again, in words
+//! that Mitsuba 3 knows.
 //!
 //! The language is Mitsuba 3's scene XML and follows its conventions (tests/scene_language.rs has its
 //! answers). It is stricter where Mitsuba goes on with nonsense: numbers must be finite, sizes
@@ -24,6 +25,7 @@ mod message;
 mod model;
 mod number;
 mod placement;
+mod plain;
 mod properties;
 mod references;
 mod schema;
@@ -40,4 +42,5 @@ pub use description::SceneDescription;
 pub use load::{Loaded, load_file, load_str};
 pub use message::SceneError;
 pub use model::*;
+pub use plain::{PlainCopy, PlainScene, PlainSurface};
 pub use source::Location;
