@@ -48,8 +48,10 @@ pub(super) struct Rule<'r> {
     pub max_vertices: usize,
 }
 
-/// Standard deviations of what lands by chance. (Rays are aimed evenly: they scatter less than that.)
-const CHANCE: f64 = 2.0;
+/// What rays from the lamps say counts beyond so many standard deviations of what lands by chance, and this part of the
+/// light: from near a large lamp they are few.
+const CHANCE: f64 = 3.0;
+const COARSE: f64 = 0.5;
 
 /// Each round cuts the worst triangles that have this part of the error.
 const EACH_ROUND: f64 = 0.5;
@@ -117,8 +119,9 @@ impl<L: Light + Default> Growth<'_, L> {
         let surprise = |(t, (sum, squares)): (u32, (f64, f64))| {
             let area: f64 = self.mesh.weights(t).iter().sum();
             let known = self.mesh.corners(t).map(|v| self.luminance(v)).iter().sum::<f64>() / 3.0;
-            let chance = CHANCE * squares.sqrt() / area;
-            (t, ((sum / area - known).abs() - chance).max(0.0))
+            let (landed, chance) = (sum / area, CHANCE * squares.sqrt() / area);
+            let sure = (landed - known).abs() - chance - COARSE * landed.max(known);
+            (t, sure.max(0.0))
         };
         sums.into_iter().map(surprise).collect()
     }

@@ -21,11 +21,14 @@ struct Fineness {
     stage: &'static str,
     components: Components,
     /// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy: the sum without
-    /// regard to sign. Beside edges of light, where most of it is, too much here makes up for too little there.
+    /// regard to sign,
     flux: f64,
+    /// and edges down to which that counts, as a part of the first ones. Beside edges of light too much here makes up for
+    /// too little there.
+    shortest: f64,
     /// Part of the light at a place that interpolation may be wrong by, in units of the accuracy,
     local: f64,
-    /// and edges down to which that counts, as a part of the first ones: light of lamps may end anywhere.
+    /// and edges down to which that counts: light of lamps may end anywhere.
     fine: f64,
 }
 
@@ -33,7 +36,8 @@ struct Fineness {
 const DIRECT: Fineness = Fineness {
     stage: "direct light",
     components: Components { direct: true, specular: false },
-    flux: 1.0,
+    flux: 0.25,
+    shortest: 0.125,
     local: 0.5,
     fine: 0.125,
 };
@@ -42,6 +46,7 @@ const SPECULAR: Fineness = Fineness {
     stage: "specular light",
     components: Components { direct: false, specular: true },
     flux: 0.5,
+    shortest: super::SHORTEST,
     local: 2.0,
     fine: 0.25,
 };
@@ -121,7 +126,7 @@ fn illuminate<'s>(
     let rule = Rule {
         stage: fineness.stage,
         allowed: &|received| fineness.flux * relative * (received + flux),
-        shortest: super::SHORTEST * edge,
+        shortest: fineness.shortest * edge,
         allowed_here: &|light| fineness.local * relative * light,
         fine: fineness.fine * edge,
         max_vertices: settings.max_vertices,

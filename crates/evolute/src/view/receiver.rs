@@ -103,8 +103,14 @@ const READ: f64 = 2.0;
 const MAX_SAMPLES: usize = 20_000;
 
 impl Indirect<'_> {
-    /// What the meshes say of a part, if interpolation is good enough there, with a tolerance not below `absolute`
-    /// [W/m²]. What they hold at their vertices was computed as accurately as it would be here.
+    /// What a part may be off by, if it is as the meshes say and the other light there lets it be off by `others`,
+    /// luminance [W/m²].
+    fn tolerance(&self, irradiance: Rgb, others: f64) -> f64 {
+        (self.relative * irradiance.luminance() + others).max(self.absolute)
+    }
+
+    /// What the meshes say of a part, if interpolation is good enough there, where the other light there lets it be off by
+    /// `absolute` [W/m²]. What they hold at their vertices was computed as accurately as it would be here.
     fn of_mesh(&self, leaf: &Leaf, part: Part, absolute: f64) -> Option<PartLight> {
         let component = match part {
             Part::Direct => return None,
@@ -113,19 +119,18 @@ impl Indirect<'_> {
         };
         let (irradiance, error) =
             self.solution.component_at(self.tracer.scene(), leaf, component)?;
-        let tolerance = (self.relative * irradiance.luminance()).max(absolute).max(self.absolute);
+        let tolerance = self.tolerance(irradiance, absolute);
         let read = PartLight { irradiance, error, met: true, ..PartLight::default() };
         let allowed = if part == Part::Indirect { READ } else { 0.5 * READ };
         (error <= allowed * tolerance).then_some(read)
     }
 
-    /// What comes to a leaf by way of other diffuse surfaces, with a tolerance not below `absolute` [W/m²].
+    /// What comes to a leaf by way of other diffuse surfaces, where the other light there lets it be off by `absolute`
+    /// [W/m²].
     fn light(&self, leaf: &Leaf, absolute: f64) -> PartLight {
         let receiver = Receiver { position: leaf.anchor.point.x, normal: leaf.normal };
-        // What the mesh says of it.
-        let scene = self.tracer.scene();
-        let [_, _, expected] = self.solution.at(scene, leaf).unwrap_or_default();
-        let tolerance = (self.relative * expected.luminance()).max(absolute).max(self.absolute);
+        let of_mesh = self.solution.component_at(self.tracer.scene(), leaf, Component::Indirect);
+        let tolerance = self.tolerance(of_mesh.map_or(Rgb::BLACK, |m| m.0), absolute);
         if let Some(known) = self.of_mesh(leaf, Part::Indirect, absolute) {
             return known;
         }
