@@ -45,7 +45,7 @@ const DIRECT: Fineness = Fineness {
 const SPECULAR: Fineness = Fineness {
     stage: "specular light",
     components: Components { direct: false, specular: true },
-    flux: 0.5,
+    flux: 0.25,
     shortest: super::SHORTEST,
     local: 2.0,
     fine: 0.25,

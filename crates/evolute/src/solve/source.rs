@@ -85,7 +85,7 @@ const MOST_CORRECTED: f64 = 2.0;
 
 /// What earlier shots owe counts up to this part of what waits: what groups of patches owe each other evens out by
 /// itself, and is more than that.
-const MOST_OWED: f64 = 0.003;
+const MOST_OWED: f64 = 0.02;
 
 impl Source {
     /// Patches that have not shot; `area` by vertex that receives [m²].
