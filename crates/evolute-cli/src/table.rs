@@ -16,6 +16,9 @@ pub struct Asked {
     pub total: bool,
 }
 
+/// The name of a component, and where it is found.
+type Part = (&'static str, fn(&ProbeLight) -> Rgb);
+
 impl Asked {
     pub const ALL: Self = Self { direct: true, specular: true, indirect: true, total: true };
     pub const NONE: Self = Self { direct: false, specular: false, indirect: false, total: false };
@@ -42,15 +45,15 @@ impl Asked {
         Ok(asked)
     }
 
-    /// Names of the components asked for, and where they are found.
-    fn parts(self) -> impl Iterator<Item = (&'static str, fn(&ProbeLight) -> Rgb)> {
-        let all: [(bool, &'static str, fn(&ProbeLight) -> Rgb); 4] = [
-            (self.direct, "direct", |l| l.direct),
-            (self.specular, "specular", |l| l.specular),
-            (self.indirect, "indirect", |l| l.indirect),
-            (self.total, "total", ProbeLight::total),
+    /// The components asked for.
+    fn parts(self) -> impl Iterator<Item = Part> {
+        let all: [(bool, Part); 4] = [
+            (self.direct, ("direct", |l| l.direct)),
+            (self.specular, ("specular", |l| l.specular)),
+            (self.indirect, ("indirect", |l| l.indirect)),
+            (self.total, ("total", ProbeLight::total)),
         ];
-        all.into_iter().filter(|part| part.0).map(|(_, name, part)| (name, part))
+        all.into_iter().filter(|(asked, _)| *asked).map(|(_, part)| part)
     }
 
     /// The names of the columns that are added.
