@@ -48,19 +48,18 @@ fn check(reflectance: f64) {
     let all = deviations(&solver, PI, reflectance);
     let squares: f64 = all.iter().map(|(off, _)| off * off).sum();
     let (worst, place) = all.iter().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())).unwrap();
-    let rms = (squares / all.len() as f64).sqrt();
     println!(
         "rho {reflectance}: {} vertices, rms {:.3} %, worst {:+.3} %: {place}",
         all.len(),
-        100.0 * rms,
+        100.0 * (squares / all.len() as f64).sqrt(),
         100.0 * worst
     );
-    // A few vertices lie between those of another layer where its light bends most.
-    assert!(rms <= 0.002 && worst.abs() <= 0.006);
+    assert!(worst.abs() <= 0.003);
 }
 
+/// What .3 % everywhere takes.
 const ACCURACY: f64 = 1e-2;
-const EDGE: f64 = 0.8;
+const EDGE: f64 = 0.35;
 
 #[test]
 fn white_furnace_of_medium_walls() {

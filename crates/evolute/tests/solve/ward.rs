@@ -57,4 +57,21 @@ fn check(room: &str, mirrors: &[&str], edge: Option<f64>, tolerance: f64) {
 #[test]
 fn room_of_ward() {
     check("published", &[], None, 0.01);
+    check("none", &[], None, 0.01);
+}
+
+#[test]
+fn a_wall_is_a_mirror() {
+    check("one", &["west"], None, 0.015);
+}
+
+#[test]
+fn two_adjacent_walls_are_mirrors() {
+    check("adjacent", &["west", "south"], None, 0.015);
+}
+
+/// Light goes to and fro between the two, so that receivers are dear.
+#[test]
+fn two_facing_walls_are_mirrors() {
+    check("facing", &["south", "north"], None, 0.015);
 }
