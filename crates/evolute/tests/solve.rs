@@ -6,6 +6,8 @@
 #[path = "answers/cases.rs"]
 mod cases;
 mod common;
+#[path = "solve/contacts.rs"]
+mod contacts;
 #[path = "solve/furnace.rs"]
 mod furnace;
 #[path = "solve/schemes.rs"]

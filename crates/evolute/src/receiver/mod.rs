@@ -6,6 +6,6 @@ mod quadratic;
 mod roots;
 mod tessellation;
 
-pub use mesh::{EdgeCut, Place, TriangleMesh, Vertex};
+pub use mesh::{Change, Locator, Place, TriangleMesh, Vertex};
 pub use quadratic::{Stencil, merged, within};
 pub use tessellation::Tessellation;

@@ -71,9 +71,9 @@ pub fn within(p: &Vector3, q: &Vector3, x: &Vector3) -> (f64, f64) {
 }
 
 impl TriangleMesh<'_> {
-    /// By triangle and edge, in the order of [`Self::triangles`]: what the middle of the edge has beyond the mean of its
-    /// ends if a function is quadratic. Empty where the vertices around do not tell.
-    pub fn middles(&self) -> Vec<[Stencil; 3]> {
+    /// By triangle, of those in question, and edge: what the middle of the edge has beyond the mean of its ends if a
+    /// function is quadratic. Empty where the vertices around do not tell.
+    pub fn middles(&self, triangles: &[u32]) -> Vec<[Stencil; 3]> {
         let count = self.triangles().last().map_or(0, |t| t as usize + 1);
         let mut own: Vec<Option<SecondDerivatives>> = Vec::new();
         own.resize_with(count, || None);
@@ -86,8 +86,9 @@ impl TriangleMesh<'_> {
             std::iter::once(t).chain(around).find_map(|n| own[n as usize].as_ref())
         };
         let at = |v: u32| self.vertices()[v as usize].position;
-        self.triangles()
-            .map(|t| {
+        triangles
+            .iter()
+            .map(|&t| {
                 let corners = self.corners(t);
                 [0, 1, 2].map(|e| {
                     let edge = at(corners[(e + 1) % 3]) - at(corners[e]);

@@ -18,14 +18,14 @@ use super::{
     first_edge,
 };
 use crate::geometry::Rgb;
-use crate::receiver::{EdgeCut, TriangleMesh};
+use crate::receiver::{Change, TriangleMesh};
 use crate::scene::Scene;
 
 /// The first bytes of every file. The last of them stops programs that would show it as text.
 const MAGIC: &[u8; 8] = b"EVOLUTE\x1a";
 
 /// Version of the format. To be raised when the content or its meaning changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Bytes before the content.
 const HEADER: usize = 8 + 4 + 16 + 8 + 8 + 16;
@@ -163,7 +163,7 @@ struct StoredOutcome {
 #[derive(Serialize, Deserialize)]
 struct StoredLayer {
     /// By sheet.
-    cuts: Vec<Vec<EdgeCut>>,
+    changes: Vec<Vec<Change>>,
     /// By vertex, numbered through all sheets: irradiance [W/m²] and the estimated errors of its luminance.
     irradiance: Vec<Rgb>,
     error: Vec<VertexError>,
@@ -295,7 +295,7 @@ fn unpack(bytes: &[u8], fingerprint: impl Fn() -> u128) -> Result<Vec<u8>, Solut
 impl StoredLayer {
     fn of(layer: &Layer<'_>) -> Self {
         Self {
-            cuts: layer.meshes().iter().map(|m| m.history().to_vec()).collect(),
+            changes: layer.meshes().iter().map(|m| m.history().to_vec()).collect(),
             irradiance: layer.irradiance.clone(),
             error: layer.error.clone(),
         }
@@ -308,20 +308,20 @@ impl StoredLayer {
         sheets: &[Sheet],
         edge: f64,
     ) -> Result<Layer<'s>, SolutionError> {
-        let Self { cuts, irradiance, error } = self;
+        let Self { changes, irradiance, error } = self;
         let is_finite =
             irradiance.iter().all(Rgb::is_finite) && error.iter().all(|e| e.is_finite());
         // Edges that are no lengths, or so short that first triangles would fill the memory.
         let area: f64 = sheets.iter().map(|s| scene.shape(s.shape).surface.area()).sum();
         let most = FIRST_PER_VERTEX * irradiance.len() as f64;
         let can_be = edge > 0.0 && area / (edge * edge) <= most;
-        if cuts.len() != sheets.len() || !is_finite || !can_be {
+        if changes.len() != sheets.len() || !is_finite || !can_be {
             return Err(SolutionError::Damaged);
         }
         let mut meshes = Vec::with_capacity(sheets.len());
-        for (sheet, cuts) in sheets.iter().zip(&cuts) {
+        for (sheet, changes) in sheets.iter().zip(&changes) {
             let mut mesh = TriangleMesh::new(&scene.shape(sheet.shape).surface, edge);
-            if !cuts.iter().all(|cut| mesh.repeat(cut)) {
+            if !changes.iter().all(|change| mesh.change(change)) {
                 return Err(SolutionError::Damaged);
             }
             meshes.push(mesh);

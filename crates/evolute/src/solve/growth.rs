@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::checkpoint::Known;
+use super::contact::Contacts;
 use super::layer::VertexError;
 use super::{Job, Sheet};
 use crate::receiver::{TriangleMesh, within};
@@ -56,18 +57,15 @@ const COARSE: f64 = 0.5;
 /// Each round cuts the worst triangles that have this part of the error.
 const EACH_ROUND: f64 = 0.5;
 
-impl<'s, L> Growth<'s, L> {
-    /// The first meshes of all sheets, not lit yet.
+impl<'s, L: Send> Growth<'s, L> {
+    /// The first meshes of all sheets, not lit yet, with seams where things stand on them.
     pub fn all(job: &Job<'_, 's>) -> Vec<Self> {
-        let surface = |sheet: &Sheet| &job.scene.shape(sheet.shape).surface;
-        let mesh = |sheet: &Sheet| TriangleMesh::new(surface(sheet), job.edge);
-        let growth = |sheet| Self {
-            mesh: mesh(sheet),
-            light: Vec::new(),
-            is_computed: Vec::new(),
-            landed: Vec::new(),
+        let growth = |sheet: &Sheet| {
+            let mut mesh = TriangleMesh::new(&job.scene.shape(sheet.shape).surface, job.edge);
+            Contacts::new(job.tracer, sheet, job.edge).mend(&mut mesh, 0);
+            Self { mesh, light: Vec::new(), is_computed: Vec::new(), landed: Vec::new() }
         };
-        job.sheets.iter().map(growth).collect()
+        job.sheets.par_iter().map(growth).collect()
     }
 }
 
@@ -155,12 +153,13 @@ impl<L: Light + Default> Growth<'_, L> {
 /// the rule allows. `compute` (sheet, mesh, vertex) is `None`
 /// once there is no time left; whether there was. What is `known` is taken, and not computed.
 pub(super) fn grow<'s, L: Light + Default>(
+    job: &Job<'_, 's>,
     growths: &mut [Growth<'s, L>],
     rule: &Rule<'_>,
-    control: &Control<'_>,
     known: &mut Known<L>,
     compute: &(dyn Fn(usize, &TriangleMesh<'s>, u32) -> Option<L> + Sync),
 ) -> bool {
+    let control = job.control;
     let count = |growths: &[Growth<'s, L>]| -> usize {
         growths.iter().map(|g| g.mesh.vertices().len()).sum()
     };
@@ -200,12 +199,17 @@ pub(super) fn grow<'s, L: Light + Default>(
         }
         coarse.sort_unstable();
         coarse.dedup();
-        for (i, t) in coarse {
-            // Unless a neighbour's cut went through it.
-            let mesh = &mut growths[i].mesh;
-            if mesh.is_whole(t) {
-                mesh.cut(t, mesh.longest_edge(t).0, 0.5);
+        for of_sheet in coarse.chunk_by(|a, b| a.0 == b.0) {
+            let sheet = of_sheet[0].0;
+            let mesh = &mut growths[sheet].mesh;
+            let first = mesh.triangle_count();
+            for &(_, t) in of_sheet {
+                // Unless a neighbour's cut went through it.
+                if mesh.is_whole(t) {
+                    mesh.cut(t, mesh.longest_edge(t).0, 0.5);
+                }
             }
+            Contacts::new(job.tracer, &job.sheets[sheet], job.edge).mend(mesh, first);
         }
         if count(growths) == vertices {
             return true;

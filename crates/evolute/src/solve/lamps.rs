@@ -132,7 +132,7 @@ fn illuminate<'s>(
         max_vertices: settings.max_vertices,
     };
     let stop = || (control.order)() != Order::Go;
-    let whole = grow(&mut growths, &rule, control, known, &|sheet, mesh, vertex| {
+    let whole = grow(job, &mut growths, &rule, known, &|sheet, mesh, vertex| {
         let (receiver, _) = sheets[sheet].receiver(tracer, mesh, vertex);
         // Other light will be there, too, so that shadows need not be known as well as if they were all there is.
         let site = &mesh.vertices()[vertex as usize].site;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::Sheet;
 use super::transport::Patch;
 use crate::geometry::Rgb;
-use crate::receiver::{Stencil, TriangleMesh, merged};
+use crate::receiver::{Locator, Stencil, TriangleMesh, merged};
 use crate::scene::Scene;
 use crate::surface::ChartPoint;
 
@@ -47,20 +47,65 @@ impl VertexError {
 pub struct Layer<'s> {
     meshes: Vec<TriangleMesh<'s>>,
     first_vertex: Vec<u32>,
-    /// By sheet and triangle of its mesh.
-    patch_of: Vec<Vec<Patch>>,
+    /// By sheet: patches are numbered as its locator has triangles.
+    first_patch: Vec<Patch>,
+    locators: Vec<Locator>,
     pub(super) patches: Vec<PatchCorners>,
     /// By vertex: ∫ dA of its part in quadratic interpolation [m²], reflectance, irradiance [W/m²], estimated error of its luminance [W/m²].
     pub(super) area: Vec<f64>,
     pub(super) reflectance: Vec<Rgb>,
     pub(super) irradiance: Vec<Rgb>,
     pub(super) error: Vec<VertexError>,
-    /// By sheet and triangle: quadratic interpolation.
-    middles: Vec<Vec<[Stencil; 3]>>,
+    /// By patch: quadratic interpolation.
+    middles: Vec<[Stencil; 3]>,
     /// By patch: what the quadratic part adds in the mean, as weights of vertices numbered through all sheets.
     offsets: Vec<Stencil>,
-    /// By patch and edge: irradiance at the edge's middle, less the mean of its ends [W/m²]; empty until known.
-    bends: Vec<[Rgb; 3]>,
+    /// By patch: what is read off; empty until known.
+    pieces: Vec<Piece>,
+}
+
+/// The irradiance on a patch as it is read off, in single precision: much of a run is spent with that, and memory is
+/// what it waits for.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// The first corner in the chart.
+    origin: [f32; 2],
+    /// How the weights of the second and the third corner grow from there.
+    slopes: [[f32; 2]; 2],
+    /// At the corners, and by edge what its middle has beyond the mean of its ends [W/m²].
+    corners: [[f32; 3]; 3],
+    bends: [[f32; 3]; 3],
+}
+
+impl Piece {
+    fn new([a, b, c]: [[f64; 2]; 3], corners: [Rgb; 3], bends: [Rgb; 3]) -> Self {
+        let (p, q) = ([0, 1].map(|i| b[i] - a[i]), [0, 1].map(|i| c[i] - a[i]));
+        let area = p[0] * q[1] - p[1] * q[0];
+        let slopes = [[q[1] / area, -q[0] / area], [-p[1] / area, p[0] / area]];
+        let single = |light: Rgb| light.0.map(|x| x as f32);
+        Self {
+            origin: a.map(|x| x as f32),
+            slopes: slopes.map(|s| s.map(|x| x as f32)),
+            corners: corners.map(single),
+            bends: bends.map(single),
+        }
+    }
+
+    /// At a point of the chart [W/m²].
+    fn at(&self, at: [f64; 2]) -> Rgb {
+        let [x, y] = [0, 1].map(|i| (at[i] - f64::from(self.origin[i])) as f32);
+        let [p, q] = self.slopes.map(|s| s[0] * x + s[1] * y);
+        // Beyond a rim, or by rounding, a weight may be negative.
+        let p = p.clamp(0.0, 1.0);
+        let q = q.clamp(0.0, 1.0 - p);
+        let weights = [1.0 - p - q, p, q];
+        Rgb([0, 1, 2].map(|i| {
+            let linear: f32 = (0..3).map(|c| weights[c] * self.corners[c][i]).sum();
+            let bend: f32 =
+                (0..3).map(|e| weights[e] * weights[(e + 1) % 3] * self.bends[e][i]).sum();
+            f64::from(linear + 4.0 * bend)
+        }))
+    }
 }
 
 impl<'s> Layer<'s> {
@@ -73,7 +118,8 @@ impl<'s> Layer<'s> {
     ) -> Self {
         let mut layer = Self {
             first_vertex: Vec::new(),
-            patch_of: Vec::new(),
+            first_patch: Vec::new(),
+            locators: meshes.iter().map(Locator::new).collect(),
             patches: Vec::new(),
             area: Vec::new(),
             reflectance: Vec::new(),
@@ -81,27 +127,24 @@ impl<'s> Layer<'s> {
             error,
             middles: Vec::new(),
             offsets: Vec::new(),
-            bends: Vec::new(),
+            pieces: Vec::new(),
             meshes,
         };
-        for (sheet, mesh) in sheets.iter().zip(&layer.meshes) {
+        for ((sheet, mesh), locator) in sheets.iter().zip(&layer.meshes).zip(&layer.locators) {
             let first = layer.area.len() as u32;
             layer.first_vertex.push(first);
+            layer.first_patch.push(layer.patches.len() as Patch);
             let count = mesh.vertices().len();
             layer.reflectance.extend(std::iter::repeat_n(sheet.reflectance, count));
             layer.area.extend(std::iter::repeat_n(0.0, count));
-            let triangles = mesh.triangles().last().map_or(0, |t| t as usize + 1);
-            let mut numbers = vec![Patch::MAX; triangles];
-            for t in mesh.triangles() {
+            for &t in locator.triangles() {
                 let vertices = mesh.corners(t).map(|v| first + v);
                 let weights = mesh.weights(t);
                 for (v, w) in vertices.iter().zip(weights) {
                     layer.area[*v as usize] += w;
                 }
-                numbers[t as usize] = layer.patches.len() as Patch;
                 layer.patches.push(PatchCorners { vertices, weights });
             }
-            layer.patch_of.push(numbers);
         }
         layer.weigh();
         layer
@@ -145,12 +188,10 @@ impl<'s> Layer<'s> {
 
     /// The patch at a point of a sheet and the weights of its corners.
     pub(super) fn locate(&self, sheet: usize, site: &ChartPoint) -> (Patch, [f64; 3]) {
-        self.locate_from(sheet, self.meshes[sheet].root_at(site), site)
-    }
-
-    fn locate_from(&self, sheet: usize, root: u32, site: &ChartPoint) -> (Patch, [f64; 3]) {
-        let place = self.meshes[sheet].locate_from(root, site);
-        (self.patch_of[sheet][place.triangle as usize], place.weights)
+        let (mesh, locator) = (&self.meshes[sheet], &self.locators[sheet]);
+        let place = locator.locate_from(mesh.root_at(site), site);
+        let weights = mesh.weights_at(locator.triangles()[place], site);
+        (self.first_patch[sheet] + place as Patch, weights)
     }
 
     /// Irradiance at a point of a sheet [W/m²].
@@ -160,17 +201,13 @@ impl<'s> Layer<'s> {
 
     /// The same in a first triangle, which is known from another layer.
     pub(super) fn at_from(&self, sheet: usize, root: u32, site: &ChartPoint) -> Rgb {
-        let (patch, weights) = self.locate_from(sheet, root, site);
-        let mut sum = Rgb::BLACK;
-        for (v, w) in self.patches[patch as usize].vertices.iter().zip(weights) {
-            sum += self.irradiance[*v as usize] * w;
+        if self.pieces.is_empty() {
+            let (patch, weights) = self.locate(sheet, site);
+            let corners = self.patches[patch as usize].vertices.iter().zip(weights);
+            return corners.fold(Rgb::BLACK, |sum, (v, w)| sum + self.irradiance[*v as usize] * w);
         }
-        if let Some(bends) = self.bends.get(patch as usize) {
-            for (e, bend) in bends.iter().enumerate() {
-                sum += *bend * (4.0 * weights[e] * weights[(e + 1) % 3]);
-            }
-        }
-        sum
+        let place = self.locators[sheet].locate_from(root, site);
+        self.pieces[self.first_patch[sheet] as usize + place].at(site.at)
     }
 
     /// Estimated error of the irradiance's luminance at a point of a sheet [W/m²].
@@ -199,32 +236,33 @@ impl<'s> Layer<'s> {
     fn weigh(&mut self) {
         for (sheet, mesh) in self.meshes.iter().enumerate() {
             let first = self.first_vertex[sheet];
-            let middles = mesh.middles();
-            for (t, edges) in mesh.triangles().zip(&middles) {
-                let patch = self.patch_of[sheet][t as usize] as usize;
+            let middles = mesh.middles(self.locators[sheet].triangles());
+            for edges in &middles {
+                let patch = &self.patches[self.offsets.len()];
                 // The mean over a triangle of the product of two corners' weights is 1/12; four of it.
                 let all = edges.iter().flatten().map(|(v, w)| (first + v, w / 3.0)).collect();
-                self.offsets.push(merged(all));
-                let area: f64 = self.patches[patch].weights.iter().sum();
-                for (v, w) in &self.offsets[patch] {
+                let offset = merged(all);
+                let area: f64 = patch.weights.iter().sum();
+                for (v, w) in &offset {
                     self.area[*v as usize] += area * w;
                 }
+                self.offsets.push(offset);
             }
-            self.middles.push(middles);
+            self.middles.extend(middles);
         }
     }
 
-    /// What quadratic interpolation adds, by patch and edge, for the irradiance as it is now. Where light ends, the
-    /// middle of an edge stays between what is around it.
+    /// Makes what is read off quadratic, for the irradiance as it is now. Where light ends, the middle of an edge stays
+    /// between what is around it.
     pub(super) fn bend(&mut self) {
-        self.bends = vec![[Rgb::BLACK; 3]; self.patches.len()];
+        let mut pieces = Vec::with_capacity(self.patches.len());
         for (sheet, mesh) in self.meshes.iter().enumerate() {
             let first = self.first_vertex[sheet];
             let value = |v: u32| self.irradiance[(first + v) as usize];
-            for (t, edges) in mesh.triangles().zip(&self.middles[sheet]) {
+            for &t in self.locators[sheet].triangles() {
                 let corners = mesh.corners(t);
-                let bends = &mut self.bends[self.patch_of[sheet][t as usize] as usize];
-                for (e, stencil) in edges.iter().enumerate() {
+                let mut bends = [Rgb::BLACK; 3];
+                for (e, stencil) in self.middles[pieces.len()].iter().enumerate() {
                     let mean = (value(corners[e]) + value(corners[(e + 1) % 3])) * 0.5;
                     let bend = stencil.iter().fold(Rgb::BLACK, |sum, (v, w)| sum + value(*v) * *w);
                     let around = corners.into_iter().chain(mesh.beyond(t, e)).map(value);
@@ -239,8 +277,10 @@ impl<'s> Layer<'s> {
                     let kept = [0, 1, 2].map(|i| middle[i].max(low[i]).min(high[i]) - mean[i]);
                     bends[e] = Rgb(kept);
                 }
+                pieces.push(Piece::new(mesh.chart_corners(t), corners.map(value), bends));
             }
         }
+        self.pieces = pieces;
     }
 
     /// What the quadratic part of the interpolation adds to a patch's irradiance, in the mean [W/m²].
@@ -259,6 +299,7 @@ impl<'s> Layer<'s> {
 
     /// A vertex receives more [W/m²]; what it receives of flux, and keeps [W].
     pub(super) fn receive(&mut self, vertex: usize, light: Rgb) -> (Rgb, Rgb) {
+        self.pieces.clear();
         self.irradiance[vertex] += light;
         let flux = light * self.area[vertex];
         (flux, flux - flux * self.reflectance[vertex])

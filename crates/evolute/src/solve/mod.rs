@@ -16,6 +16,7 @@
 //! (`layer.rs`).
 
 mod checkpoint;
+mod contact;
 mod file;
 mod fingerprint;
 mod growth;
@@ -324,7 +325,7 @@ impl<'s> Solver<'s> {
     /// Flux that waits at all patches of a layer, straight and towards specular surfaces, luminances [W].
     fn waiting(&self, layer: usize) -> Vec<[f64; 2]> {
         let (source, layer) = (&self.sources[layer], &self.solution.layers[layer]);
-        (0..layer.patches.len()).map(|p| source.waiting(layer, p)).collect()
+        (0..layer.patches.len()).into_par_iter().map(|p| source.waiting(layer, p)).collect()
     }
 
     /// One turn of the loop of Fig. 4; `None` when what waits no longer matters.

@@ -97,7 +97,7 @@ pub(super) fn gather_rows<'s>(
     limits: &Limits,
     known: &mut Known<Seen>,
 ) -> (Vec<Growth<'s, Seen>>, bool) {
-    let Job { scene, sheets, tracer, edge, settings, control } = *job;
+    let Job { scene, sheets, tracer, edge, settings, .. } = *job;
     let [direct, specular, _] = &solution.layers;
     let received = direct.flux().0 + specular.flux().0;
     let surfaces = direct.area.iter().copied().zip(direct.reflectance.iter().copied());
@@ -113,10 +113,11 @@ pub(super) fn gather_rows<'s>(
         max_vertices: settings.max_vertices,
     };
     let radiosity = |leaf: &Leaf| {
-        let light = solution.at(scene, leaf).unwrap_or_default();
-        (light[0] + light[1] + ambient) * leaf.reflectance
+        // Indirect light is not there yet.
+        let light = solution.of_lamps(scene, leaf).unwrap_or_default();
+        (light + ambient) * leaf.reflectance
     };
-    let whole = grow(&mut growths, &rule, control, known, &|sheet, mesh: &TriangleMesh<'_>, v| {
+    let whole = grow(job, &mut growths, &rule, known, &|sheet, mesh: &TriangleMesh<'_>, v| {
         let (receiver, start) = sheets[sheet].receiver(tracer, mesh, v);
         let site = &mesh.vertices()[v as usize].site;
         let light = direct.at(sheet, site) + specular.at(sheet, site);

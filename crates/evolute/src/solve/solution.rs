@@ -76,7 +76,15 @@ impl<'s> Solution<'s> {
         Some(self.layers.each_ref().map(|layer| layer.at_from(sheet, root, &site)))
     }
 
-    /// The same of one component alone; with the error that interpolation makes there, estimated, of its luminance
+    /// What lamps send there, directly and by specular chains [W/m²].
+    pub(super) fn of_lamps(&self, scene: &Scene, leaf: &Leaf) -> Option<Rgb> {
+        let (sheet, site) = self.place(scene, leaf)?;
+        let [direct, specular, _] = &self.layers;
+        let root = direct.meshes()[sheet].root_at(&site);
+        Some(direct.at_from(sheet, root, &site) + specular.at_from(sheet, root, &site))
+    }
+
+    /// The light of one component alone; with the error that interpolation makes there, estimated, of its luminance
     /// [W/m²].
     pub fn component_at(
         &self,

@@ -2,6 +2,8 @@
 
 use std::ops::AddAssign;
 
+use rayon::prelude::*;
+
 use super::layer::Layer;
 use super::transport::{Fate, Patch, Transport};
 use crate::geometry::Rgb;
@@ -116,18 +118,25 @@ impl Source {
 
     /// What patches have to send one way.
     pub fn balance(&self, layer: &Layer<'_>, way: Way) -> Balance {
-        let mut balance = Balance::default();
-        for (p, corners) in layer.patches.iter().enumerate() {
-            let (all, unshot) = (layer.corners(p), self.unshot(layer, p, way));
+        let of = |p: usize| {
+            let mut balance = Balance::default();
+            let (corners, all) = (&layer.patches[p], layer.corners(p));
+            let shot = &self.shot[way as usize][p];
             for c in 0..3 {
                 let fate = &self.transport.fates[corners.vertices[c] as usize];
                 let arrives = fate.share(way) - fate.losses[way as usize].sum();
                 balance.sent += all[c] * arrives * corners.weights[c];
                 balance.received += all[c] * self.reach[way as usize][p][c];
-                balance.waiting += unshot[c] * arrives * corners.weights[c];
+                balance.waiting += (all[c] - shot[c]) * arrives * corners.weights[c];
             }
-        }
-        balance
+            balance
+        };
+        // Summed in the order of the patches, whatever the number of threads.
+        let each: Vec<Balance> = (0..layer.patches.len()).into_par_iter().map(of).collect();
+        each.into_iter().fold(Balance::default(), |mut sum, of| {
+            sum += of;
+            sum
+        })
     }
 
     /// What waits at a patch's corners [W/m²].
@@ -145,13 +154,11 @@ impl Source {
 
     /// Flux that waits at a patch, by the way that it will go, luminances [W].
     pub fn waiting(&self, layer: &Layer<'_>, patch: usize) -> [f64; 2] {
-        let corners = &layer.patches[patch];
+        let (corners, all) = (&layer.patches[patch], layer.corners(patch));
+        let fates = corners.vertices.map(|v| &self.transport.fates[v as usize]);
         [Way::Straight, Way::Specular].map(|way| {
-            let unshot = self.unshot(layer, patch, way);
-            let flux = |c: usize| {
-                let fate = &self.transport.fates[corners.vertices[c] as usize];
-                unshot[c] * fate.share(way) * corners.weights[c]
-            };
+            let shot = &self.shot[way as usize][patch];
+            let flux = |c: usize| (all[c] - shot[c]) * fates[c].share(way) * corners.weights[c];
             (flux(0) + flux(1) + flux(2)).luminance()
         })
     }
