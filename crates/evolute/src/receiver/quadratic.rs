@@ -26,6 +26,10 @@ struct SecondDerivatives {
 /// corners.
 const MOST_AMPLIFIED: f64 = 10.0;
 
+/// The same for all vertices together, along one edge: of even triangles it is 4. Beside lines on which things stand
+/// triangles may be flat, and know little of what is across.
+const MOST_ALONG: f64 = 30.0;
+
 impl SecondDerivatives {
     /// Of a triangle; `None` if the vertices around do not determine them.
     fn new(mesh: &TriangleMesh<'_>, t: u32) -> Option<Self> {
@@ -47,8 +51,8 @@ impl SecondDerivatives {
         Some(Self { vertices, p, q, inverse, beyond: coordinates })
     }
 
-    /// Along a vector, as weights.
-    fn along(&self, x: &Vector3) -> [(u32, f64); 6] {
+    /// Along a vector, as weights; `None` if what vertices bring is amplified too much.
+    fn along(&self, x: &Vector3) -> Option<[(u32, f64); 6]> {
         let (s, t) = within(&self.p, &self.q, x);
         let share = RowVector3::new(s * s, 2.0 * s * t, t * t) * self.inverse;
         let mut weights = [0.0; 6];
@@ -58,7 +62,8 @@ impl SecondDerivatives {
             weights[1] -= share[e] * u;
             weights[2] -= share[e] * v;
         }
-        std::array::from_fn(|i| (self.vertices[i], weights[i]))
+        let all: f64 = weights.iter().map(|w| w.abs()).sum();
+        (all < MOST_ALONG).then(|| std::array::from_fn(|i| (self.vertices[i], weights[i])))
     }
 }
 
@@ -93,11 +98,11 @@ impl TriangleMesh<'_> {
                 [0, 1, 2].map(|e| {
                     let edge = at(corners[(e + 1) % 3]) - at(corners[e]);
                     let sides = [Some(t), self.next(t, e)].into_iter().flatten();
-                    let known: Vec<_> = sides.filter_map(of).collect();
+                    let known: Vec<_> =
+                        sides.filter_map(of).filter_map(|d| d.along(&edge)).collect();
                     let share = -0.125 / known.len().max(1) as f64;
                     let mut stencil = Stencil::new();
-                    for derivatives in known {
-                        let weights = derivatives.along(&edge);
+                    for weights in known {
                         stencil.extend(weights.map(|(v, w)| (v, share * w)));
                     }
                     merged(stencil)

@@ -12,7 +12,7 @@ use crate::trace::tree::{Leaf, Limits};
 use crate::transfer::{HemisphereSettings, gather};
 
 /// Part of the tolerance that is for the cubature of reflected light.
-const GATHERING: f64 = 0.5;
+const GATHERING: f64 = 0.45;
 
 /// Part of all flux that linear interpolation may be wrong by, in units of the accuracy.
 const INTERPOLATION: f64 = 0.25;

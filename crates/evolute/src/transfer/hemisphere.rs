@@ -106,6 +106,10 @@ const QUARTERS: f64 = 0.25;
 const UNPROVED: f64 = 0.5;
 const PROVED: f64 = 0.05;
 
+/// Standard deviation of what a cell's five samples make of its irradiance, as a part of what they differ by, where a
+/// straight outline runs through it somewhere: .1495, by 20,000 lines at random.
+const OUTLINE: f64 = 0.15;
+
 /// Standard deviations of the errors of outlines that count as error.
 const DEVIATIONS: f64 = 2.0;
 
@@ -425,8 +429,8 @@ impl Hemisphere<'_> {
 
     /// Looks at a cell's samples. Its error is estimated: where all samples see the same things the same way, from what
     /// the corners and the centre disagree by, across either diagonal, and what quartering the whole that it is
-    /// a part of has `changed`, if that was smooth too; else it is the standard deviation of what is
-    /// somewhere between the least and the most that samples see.
+    /// a part of has `changed`, if that was smooth too; else it is the standard deviation of
+    /// what samples make of an outline.
     fn place(&mut self, cell: Cell, changed: Option<f64>) -> Placed {
         let numbers = cell.samples().map(|at| self.sample(at));
         let weights = cell.weights();
@@ -443,8 +447,7 @@ impl Hemisphere<'_> {
         } else {
             let most = light.into_iter().fold(f64::NEG_INFINITY, f64::max);
             let least = light.into_iter().fold(f64::INFINITY, f64::min);
-            // Of an even distribution.
-            CellError::Outline(all * (most - least) / 12f64.sqrt())
+            CellError::Outline(all * (most - least) * OUTLINE)
         };
         let light = (0..5).map(|i| weights[i] * light[i]).sum();
         Placed { cell, light, error, is_whole: true }

@@ -1,7 +1,5 @@
 //! From sights and the lattice to pixels.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
 use crate::geometry::Rgb;
@@ -186,7 +184,7 @@ fn band(
         let y = top + row;
         let below = corners_of(y + 1, &mut band);
         for x in 0..view.width {
-            let mut pixel = Pixel { view, lattices, own: HashMap::new(), may_compute, x, y };
+            let mut pixel = Pixel { view, lattices, own: Vec::new(), may_compute, x, y };
             let i = x as usize;
             let corners = [&above[i], &above[i + 1], &below[i], &below[i + 1]];
             pixel.resolve(corners, filter, row, &mut band);
@@ -196,12 +194,26 @@ fn band(
     band
 }
 
+/// One part of the irradiance of a surface in a part of a pixel.
+struct Own {
+    leaf: Leaf,
+    /// Its part, by the number of the lattice.
+    lattice: usize,
+    /// Column and row among [`STRATA`].
+    stratum: (u32, u32),
+    irradiance: Rgb,
+}
+
+/// Columns and rows into which a pixel is divided where light is computed for it alone.
+const STRATA: f64 = 2.0;
+
 /// A pixel at work.
 struct Pixel<'p, 's> {
     view: &'p View<'s>,
     lattices: &'p [Lattice],
-    /// Irradiance of surfaces that no node of the lattice sees, computed once a pixel.
-    own: HashMap<(u64, usize), Rgb>,
+    /// Irradiance that the lattices do not know: of surfaces that no node sees, and of all where light changes beside an
+    /// outline.
+    own: Vec<Own>,
     may_compute: bool,
     x: u32,
     y: u32,
@@ -306,12 +318,16 @@ impl Pixel<'_, '_> {
         (x, y): (f64, f64),
         band: &mut Band,
     ) -> Rgb {
-        if let Some(found) = self.lattices[lattice].irradiance(x, y, leaf) {
+        if !self.lattices[lattice].changes_in(self.x, self.y)
+            && let Some(found) = self.lattices[lattice].irradiance(x, y, leaf)
+        {
             return found;
         }
-        let key = (leaf.path, lattice);
-        if let Some(found) = self.own.get(&key) {
-            return *found;
+        let stratum = |at: f64, pixel: u32| (STRATA * (at - f64::from(pixel))) as u32;
+        let stratum = (stratum(x, self.x), stratum(y, self.y));
+        let is_same = |o: &&Own| o.lattice == lattice && o.stratum == stratum && o.leaf.same(leaf);
+        if let Some(own) = self.own.iter().find(is_same) {
+            return own.irradiance;
         }
         let mut found = Rgb::BLACK;
         let part = self.lattices[lattice].part();
@@ -330,7 +346,7 @@ impl Pixel<'_, '_> {
         } else {
             band.unfinished = true;
         }
-        self.own.insert(key, found);
+        self.own.push(Own { leaf: *leaf, lattice, stratum, irradiance: found });
         found
     }
 

@@ -8,14 +8,19 @@
 //! sample. A block is split
 //! - where its corners see different things and light on one of them is not steady around, down to
 //!   pixels,
+//! - where light beside an outline between two corners is not that at the corner, down to half a pixel,
 //! - where radiance differs much between corners, where it bends between nodes in a row, or where a
 //!   node that a neighbour already has on a common edge disagrees with the interpolation, down to
 //!   half a pixel.
 //!
 //! The last rule follows a caustic or a shadow edge from block to block wherever it was found once.
+//! Light that begins beside an outline, a narrow shadow of what hides the rest, is looked for there (`outline.rs`).
 //! A feature that is narrower than the coarsest spacing and shorter than a few of them can be
 //! missed. Nodes are pure functions of their place, and blocks are judged in rounds in a fixed
 //! order: the result does not depend on the number of threads.
+
+mod block;
+mod outline;
 
 use std::collections::{HashMap, HashSet};
 
@@ -27,13 +32,12 @@ use crate::transfer::{Control, Counts, Order};
 
 use super::View;
 use super::receiver::{Allowance, Part};
+use block::{Block, COARSEST};
+use outline::Side;
 
 /// Units of the lattice's coordinates in a pixel: the finest nodes are half a pixel apart. A hard
 /// edge of light is then smeared over half a pixel, less than by any filter.
 pub(super) const UNITS: u32 = 2;
-
-/// Blocks of level 0 have this size [units]: 8 pixels.
-const COARSEST: u32 = 8 * UNITS;
 
 /// Level of blocks of one pixel, and of the finest blocks.
 const PIXEL: u8 = 3;
@@ -104,42 +108,8 @@ impl Leaf {
     }
 
     /// Whether two rays see the same face in the same way.
-    fn same(&self, other: &Self) -> bool {
+    pub(super) fn same(&self, other: &Self) -> bool {
         self.path == other.path && self.normal.dot(&other.normal) > SAME_FACE
-    }
-}
-
-/// A square of the film: place in multiples of its size.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-struct Block {
-    level: u8,
-    x: u32,
-    y: u32,
-}
-
-impl Block {
-    fn size(&self) -> u32 {
-        COARSEST >> self.level
-    }
-
-    /// Corners in the order (0,0), (1,0), (0,1), (1,1) [units].
-    fn corners(&self) -> [(u32, u32); 4] {
-        let s = self.size();
-        let (x, y) = (self.x * s, self.y * s);
-        [(x, y), (x + s, y), (x, y + s), (x + s, y + s)]
-    }
-
-    fn parent(&self) -> Option<Self> {
-        (self.level > 0).then(|| Self { level: self.level - 1, x: self.x / 2, y: self.y / 2 })
-    }
-
-    fn children(&self) -> [Self; 4] {
-        let (x, y) = (2 * self.x, 2 * self.y);
-        [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| Self {
-            level: self.level + 1,
-            x,
-            y,
-        })
     }
 }
 
@@ -149,6 +119,8 @@ pub(super) struct Lattice {
     /// Blocks below this level are always split.
     first: u8,
     nodes: HashMap<(u32, u32), Vec<Lit>>,
+    /// Sides of blocks with an outline between their ends: whether light changes beside it.
+    outlined: HashMap<Side, bool>,
     split: HashSet<Block>,
     /// Film in units.
     width: u32,
@@ -178,6 +150,7 @@ impl Lattice {
                 _ => u8::from(view.width <= LARGE_FILM),
             },
             nodes: HashMap::new(),
+            outlined: HashMap::new(),
             split: HashSet::new(),
             width: view.width * UNITS,
             height: view.height * UNITS,
@@ -201,6 +174,10 @@ impl Lattice {
             }
             if lattice.dark == 0.0 {
                 lattice.dark = DARK * lattice.mean_radiance();
+            }
+            if part == Part::Direct && !lattice.look_beside(&pending, view, tolerance, control) {
+                lattice.complete = false;
+                break;
             }
             let splits: Vec<Block> = pending
                 .par_iter()
@@ -353,6 +330,9 @@ impl Lattice {
         let corners = [a, b, c, d];
         let level = corners.iter().map(|n| total(n).max()).fold(0.0, f64::max) + self.dark;
         let small = tolerance * level;
+        if block.sides().iter().any(|side| self.outlined.get(side) == Some(&true)) {
+            return true;
+        }
         let contrast = CONTRAST[usize::from(block.level)] * small;
         for (k, corner) in corners.iter().enumerate() {
             for lit in corner.iter().filter(|lit| lit.radiance().max() > small) {
