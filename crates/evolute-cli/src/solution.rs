@@ -168,6 +168,8 @@ pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) {
     let (counts, ledger) = (&outcome.counts, &outcome.ledger);
     let unit = common.unit_factor();
     let flux = |f: Rgb| f.0.map(|x| x * unit);
+    let transfer = &outcome.settings.transfer;
+    let accuracy = outcome.solution.accuracy(transfer.relative, transfer.absolute);
     summary.set(
         "solution",
         json!({
@@ -175,6 +177,7 @@ pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) {
             "iterations": { "diffuse": counts.diffuse, "specular": counts.specular },
             "vertices": counts.vertices, "patches": counts.patches,
             "links": counts.links, "rays": counts.rays, "correction": counts.correction,
+            "mean_error": accuracy.mean, "area_within_accuracy": accuracy.met,
         }),
     );
     summary.set(
@@ -188,11 +191,14 @@ pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) {
     session::detail(
         common,
         &format!(
-            "solution: {} diffuse and {} specular iterations, {:?} vertices, {} links\n{}",
+            "solution: {} diffuse and {} specular iterations, {:?} vertices, {} links\nestimated error of the light on \
+             surfaces: {:.2} % in the mean, within the accuracy on {:.1} % of the area\n{}",
             counts.diffuse,
             counts.specular,
             counts.vertices,
             counts.links[0] + counts.links[1],
+            100.0 * accuracy.mean,
+            100.0 * accuracy.met,
             shares(ledger)
         ),
     );

@@ -114,12 +114,14 @@ fn diffuse_cube() {
         let (mean, area) = mean_indirect(&solver);
         let expected = reflectance * 10_000.0 / (96.0 * (1.0 - reflectance));
         let off = mean / expected - 1.0;
+        let estimate = solver.solution().accuracy(accuracy, 0.0);
         println!(
-            "rho {reflectance}, -a {accuracy}: {mean:.3} lx, {expected:.3} expected, {:+.3} %",
+            "rho {reflectance}, -a {accuracy}: {mean:.3} lx, {expected:.3} expected, {:+.3} %; {estimate:.4?}",
             100.0 * off
         );
         assert!((area - 96.0).abs() < 1e-9);
         assert!(off.abs() < 0.002);
+        assert!(off.abs() < estimate.mean);
         assert!(solver.ledger().escaped.is_black());
     }
 }

@@ -136,7 +136,7 @@ impl<L: Light + Default> Growth<'_, L> {
 
     /// By vertex: the error of its own light, and the largest of the triangles around.
     pub fn vertex_errors(&self, own: impl Fn(&L) -> f64) -> Vec<VertexError> {
-        let of = |light| VertexError { own: own(light), interpolation: 0.0 };
+        let of = |light| VertexError { own: own(light), ..VertexError::default() };
         let mut errors: Vec<VertexError> = self.light.iter().map(of).collect();
         for (t, error) in self.errors() {
             for v in self.mesh.corners(t) {

@@ -28,12 +28,14 @@ pub struct VertexError {
     pub own: f64,
     /// Of interpolation around it.
     pub interpolation: f64,
+    /// Of the light of other places that it is lit by, which have errors of their own.
+    pub passed_on: f64,
 }
 
 impl VertexError {
     /// All of it.
     pub fn sum(&self) -> f64 {
-        self.own + self.interpolation
+        self.own + self.interpolation + self.passed_on
     }
 
     /// Whether it is a number.
@@ -171,6 +173,12 @@ impl<'s> Layer<'s> {
     /// Estimated error of its luminance at the vertices of a sheet [W/m²].
     pub fn error(&self, sheet: usize) -> &[VertexError] {
         &self.error[self.range(sheet)]
+    }
+
+    /// Numbers of the patches of a sheet.
+    pub(super) fn patches_of(&self, sheet: usize) -> std::ops::Range<usize> {
+        let first = self.first_patch[sheet] as usize;
+        first..first + self.locators[sheet].triangles().len()
     }
 
     fn range(&self, sheet: usize) -> std::ops::Range<usize> {

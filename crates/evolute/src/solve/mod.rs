@@ -26,6 +26,7 @@ mod layer;
 mod ledger;
 mod outcome;
 mod probe;
+mod propagation;
 mod rows;
 mod sheet;
 mod solution;
@@ -49,7 +50,7 @@ pub use ledger::Ledger;
 pub use outcome::Outcome;
 pub use probe::{Probe, ProbeLight};
 pub use sheet::Sheet;
-pub use solution::{Component, Solution};
+pub use solution::{Accuracy, Component, Solution};
 use source::{Balance, Source, Way};
 use transport::{BoundRow, Fate, Patch, StoredRow, Transport};
 
@@ -518,8 +519,10 @@ impl<'s> Solver<'s> {
         &self.counts
     }
 
-    /// Makes the solution ready to be read: its interpolation quadratic. To be called after the last step.
+    /// Makes the solution ready to be read: its interpolation quadratic, its errors those of all that lights it. To be
+    /// called after the last step.
     pub fn finish(&mut self) {
+        propagation::pass_on(&mut self.solution.layers, &self.sources);
         self.solution.indirect_mut().bend();
     }
 

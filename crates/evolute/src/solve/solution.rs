@@ -8,7 +8,7 @@ use crate::scene::{Scene, ShapeId};
 use crate::surface::ChartPoint;
 use crate::trace::Tracer;
 use crate::trace::tree::Leaf;
-use crate::transfer::{Gathered, HemisphereSettings, Link, Receiver, Row, gather};
+use crate::transfer::{Gathered, HemisphereSettings, Receiver, Row, gather};
 
 /// The parts of the irradiance, each on meshes of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +24,16 @@ pub enum Component {
 impl Component {
     /// All, in the order of their numbers.
     pub const ALL: [Self; 3] = [Self::Direct, Self::Specular, Self::Indirect];
+}
+
+/// How well the light on surfaces is known, by estimated errors of what was computed, of interpolation, and of what others
+/// pass on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Accuracy {
+    /// Mean error, as a part of the mean light.
+    pub mean: f64,
+    /// Part of the area on which errors are within the tolerance.
+    pub met: f64,
 }
 
 /// Meshes over all diffuse surfaces, and the light on their vertices.
@@ -104,16 +114,39 @@ impl<'s> Solution<'s> {
     }
 
     /// Luminance of the irradiance that gathered light is uncertain by because the light on the meshes is [W/m²]: the
-    /// estimated errors of all components where links come from, reflected as the light is and added up without regard
-    /// to sign. As errors are of either sign it is more than the true error in most places.
+    /// estimated errors of all components where links come from, reflected as the light is; added up without regard to
+    /// sign over each sheet, and by their squares over sheets (`propagation.rs`).
     pub fn uncertainty(&self, row: &Row) -> f64 {
-        let of = |link: &Link| {
-            let Some(sheet) = self.sheet_of(link.shape, link.front) else { return 0.0 };
+        let mut sums = vec![0.0; self.sheets.len()];
+        for link in &row.links {
+            let Some(sheet) = self.sheet_of(link.shape, link.front) else { continue };
             let error: f64 = self.layers.iter().map(|l| l.error_at(sheet, &link.site)).sum();
             // The colour of an error is not known: that which passes best.
-            (link.weight * self.sheets[sheet].reflectance).max() * error
-        };
-        row.links.iter().map(of).sum()
+            sums[sheet] += (link.weight * self.sheets[sheet].reflectance).max() * error;
+        }
+        sums.iter().map(|e| e * e).sum::<f64>().sqrt()
+    }
+
+    /// What is estimated of the accuracy of the light on all sheets, where `relative` of the light or `absolute` [W/m²] was
+    /// asked for.
+    pub fn accuracy(&self, relative: f64, absolute: f64) -> Accuracy {
+        let finest = &self.layers[0];
+        let (mut light, mut error, mut area, mut met) = (0.0, 0.0, 0.0, 0.0);
+        for ((sheet, v), a) in finest.vertices().zip(&finest.area) {
+            let site = finest.meshes()[sheet].vertices()[v as usize].site;
+            let sum = |of: &dyn Fn(&Layer<'s>) -> f64| self.layers.iter().map(of).sum::<f64>();
+            let here = sum(&|l| l.at(sheet, &site).luminance());
+            let off = sum(&|l| l.error_at(sheet, &site));
+            let a = a.max(0.0);
+            light += here * a;
+            error += off * a;
+            area += a;
+            if off <= (relative * here).max(absolute) {
+                met += a;
+            }
+        }
+        let part = |x: f64, of: f64| if of > 0.0 { x / of } else { 0.0 };
+        Accuracy { mean: part(error, light), met: part(met, area) }
     }
 
     /// Diffusely reflected light at any receiver, on a surface or not, by the meshes' radiosities.
