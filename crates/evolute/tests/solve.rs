@@ -1,8 +1,7 @@
 //! The radiosity solution against known answers.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-// Shared with the answers at receivers, which need more of it.
-#[allow(dead_code, missing_docs)]
+#[allow(dead_code, missing_docs)] // shared with the answers at receivers, which need more of it
 #[path = "answers/cases.rs"]
 mod cases;
 mod common;
@@ -12,6 +11,8 @@ mod contacts;
 mod furnace;
 #[path = "solve/schemes.rs"]
 mod schemes;
+#[path = "solve/spot.rs"]
+mod spot;
 #[path = "solve/ward.rs"]
 mod ward;
 

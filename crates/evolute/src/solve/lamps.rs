@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::surface::ChartPoint;
 use crate::trace::tree::{Limits, Losses};
 use crate::trace::{Anchor, Tracer};
-use crate::transfer::{Components, HemisphereSettings, Order, Receiver, Transfer, gather};
+use crate::transfer::{Components, HemisphereSettings, Order, Receiver, Shining, Transfer, gather};
 
 /// How finely one part of the lamps' light is followed.
 struct Fineness {
@@ -156,6 +156,7 @@ fn illuminate<'s>(
 /// What of the lamps' flux does not come to diffuse surfaces [W]: by directions from points of their own.
 pub(super) fn losses(scene: &Scene, tracer: &Tracer<'_>, limits: &Limits) -> Losses {
     let mut sum = Losses::default();
+    let even = Shining { radiosity: &|_| Rgb::WHITE, bright: &[] };
     for id in scene.lamps() {
         let shape = scene.shape(id);
         let area = shape.surface.area();
@@ -179,7 +180,7 @@ pub(super) fn losses(scene: &Scene, tracer: &Tracer<'_>, limits: &Limits) -> Los
                 let start: Vec<Anchor> = std::iter::once(own).chain(others).collect();
                 let settings =
                     HemisphereSettings { limits: *limits, tolerance: 1e-3, max_samples: 10_000 };
-                let row = gather(tracer, &receiver, &start, &|_| Rgb::WHITE, &settings).row;
+                let row = gather(tracer, &receiver, &start, &even, &settings).row;
                 let mut both = row.losses[0];
                 both += row.losses[1];
                 both

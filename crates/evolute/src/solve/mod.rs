@@ -15,6 +15,7 @@
 //! which shoot once, and those that reflected light is received on, which shoot what they have received
 //! (`layer.rs`).
 
+mod bright;
 mod checkpoint;
 mod contact;
 mod file;

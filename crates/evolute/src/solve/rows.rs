@@ -9,7 +9,7 @@ use super::{Job, Solution};
 use crate::geometry::Rgb;
 use crate::receiver::TriangleMesh;
 use crate::trace::tree::{Leaf, Limits};
-use crate::transfer::{HemisphereSettings, gather};
+use crate::transfer::{HemisphereSettings, Shining, gather};
 
 /// Part of the tolerance that is for the cubature of reflected light.
 const GATHERING: f64 = 0.45;
@@ -124,7 +124,8 @@ pub(super) fn gather_rows<'s>(
         let expected = (light + ambient).luminance();
         let tolerance = (GATHERING * transfer.relative * expected).max(transfer.absolute);
         let settings = HemisphereSettings { limits: *limits, tolerance, max_samples: MAX_SAMPLES };
-        let gathered = gather(tracer, &receiver, &start, &radiosity, &settings);
+        let shining = Shining { radiosity: &radiosity, bright: solution.bright() };
+        let gathered = gather(tracer, &receiver, &start, &shining, &settings);
         Some(Seen {
             irradiance: gathered.irradiance,
             lamps: light.luminance(),

@@ -2,13 +2,14 @@
 
 use std::collections::HashMap;
 
+use super::bright::bright_places;
 use super::{Layer, Sheet};
 use crate::geometry::Rgb;
 use crate::scene::{Scene, ShapeId};
 use crate::surface::ChartPoint;
 use crate::trace::Tracer;
 use crate::trace::tree::Leaf;
-use crate::transfer::{Gathered, HemisphereSettings, Receiver, Row, gather};
+use crate::transfer::{Bright, Gathered, HemisphereSettings, Receiver, Row, Shining, gather};
 
 /// The parts of the irradiance, each on meshes of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,13 +45,21 @@ pub struct Solution<'s> {
     sheet_of: HashMap<(ShapeId, bool), usize>,
     /// By [`Component`].
     pub(super) layers: [Layer<'s>; 3],
+    /// Where lamps throw more light than around.
+    bright: Vec<Bright>,
 }
 
 impl<'s> Solution<'s> {
     /// Light on meshes over the same sheets, by [`Component`].
     pub(super) fn new(sheets: Vec<Sheet>, layers: [Layer<'s>; 3]) -> Self {
         let sheet_of = sheets.iter().enumerate().map(|(i, s)| ((s.shape, s.front), i)).collect();
-        Self { sheets, sheet_of, layers }
+        let bright = bright_places(&sheets, &layers);
+        Self { sheets, sheet_of, layers, bright }
+    }
+
+    /// Places on which lamps throw much more light than on others.
+    pub(super) fn bright(&self) -> &[Bright] {
+        &self.bright
     }
 
     /// The sheets.
@@ -158,6 +167,7 @@ impl<'s> Solution<'s> {
     ) -> Gathered {
         let radiosity = |leaf: &Leaf| self.radiosity(tracer.scene(), leaf);
         let start = tracer.contacts(&receiver.position);
-        gather(tracer, receiver, &start, &radiosity, settings)
+        let shining = Shining { radiosity: &radiosity, bright: &self.bright };
+        gather(tracer, receiver, &start, &shining, settings)
     }
 }

@@ -17,11 +17,12 @@
 //! A row does not depend on radiosities, but for where it is fine; with other radiosities of much the same
 //! pattern it can be used again without a ray.
 
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::{BTreeSet, BinaryHeap, HashMap};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::hash::{BuildHasherDefault, Hasher};
 use std::sync::LazyLock;
 
+use super::bright::Shining;
 use super::settings::Receiver;
 use crate::geometry::{Ray, Rgb, UnitVector3, Vector3, math, tangent_frame};
 use crate::scene::ShapeId;
@@ -106,6 +107,21 @@ const QUARTERS: f64 = 0.25;
 const UNPROVED: f64 = 0.5;
 const PROVED: f64 = 0.05;
 
+/// Bright places in a cell are looked for if they may bring this part of the tolerance and fill less than this part of it (a disk as large as a cell meets one of its samples), and
+/// down to cells of this level: 0.7°.
+const WORTH: f64 = 0.25;
+const FILLED: f64 = 1.0;
+const MOST_FORCED: u8 = 7;
+
+/// A bright place as a receiver sees it if nothing is in the way.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// q, and φ in turns.
+    at: [f64; 2],
+    irradiance: f64,
+    solid_angle: f64,
+}
+
 /// Standard deviation of what a cell's five samples make of its irradiance, as a part of what they differ by, where a
 /// straight outline runs through it somewhere: .1495, by 20,000 lines at random.
 const OUTLINE: f64 = 0.15;
@@ -123,6 +139,19 @@ struct Cell {
 impl Cell {
     fn size(&self) -> u32 {
         UNITS >> self.level
+    }
+
+    /// The one of a level that holds q and φ in turns.
+    fn at(level: u8, [q, turn]: [f64; 2]) -> Self {
+        let across = f64::from(1u32 << level);
+        let place = |f: f64, n: f64| (f * n).min(n - 1.0) as u32;
+        Self { level, x: place(q, across), y: place(turn, 2.0 * across) }
+    }
+
+    fn solid_angle(&self) -> f64 {
+        let across = f64::from(1u32 << self.level);
+        let cosine = |x: u32| math::cos(f64::from(x) / across * FRAC_PI_2);
+        PI / across * (cosine(self.x) - cosine(self.x + 1))
     }
 
     /// Corners, the first and the third opposite each other, then the centre: q, φ [units].
@@ -229,12 +258,12 @@ impl Hasher for PointHasher {
     }
 }
 
-/// Gathers at a receiver; `radiosity` tells that of a surface point [W/m²].
+/// Gathers at a receiver.
 pub fn gather(
     tracer: &Tracer<'_>,
     receiver: &Receiver,
     start: &[Anchor],
-    radiosity: &dyn Fn(&Leaf) -> Rgb,
+    shining: &Shining<'_>,
     settings: &HemisphereSettings,
 ) -> Gathered {
     let mut hemisphere = Hemisphere {
@@ -242,7 +271,7 @@ pub fn gather(
         receiver,
         frame: turned_frame(&receiver.normal),
         start,
-        radiosity,
+        shining,
         limits: &settings.limits,
         samples: Vec::new(),
         leaves: Vec::new(),
@@ -259,7 +288,7 @@ struct Hemisphere<'h> {
     receiver: &'h Receiver,
     frame: (Vector3, Vector3),
     start: &'h [Anchor],
-    radiosity: &'h dyn Fn(&Leaf) -> Rgb,
+    shining: &'h Shining<'h>,
     limits: &'h Limits,
     samples: Vec<Sample>,
     leaves: Vec<Leaf>,
@@ -362,13 +391,21 @@ impl Hemisphere<'_> {
         let mut queue = BinaryHeap::new();
         let mut sum = ErrorSum::default();
         let side = 1 << COARSEST;
-        for y in 0..2 * side {
-            for x in 0..side {
-                let cell = self.place(Cell { level: COARSEST, x, y }, None);
-                sum.add(cell.error);
-                queue.push(Queued { error: cell.error, number: cells.len() });
-                cells.push(cell);
+        let mut first: Vec<Cell> = (0..2 * side)
+            .flat_map(|y| (0..side).map(move |x| Cell { level: COARSEST, x, y }))
+            .collect();
+        let quartered = self.around_bright(settings.tolerance);
+        let mut next = 0;
+        while let Some(&cell) = first.get(next) {
+            next += 1;
+            if quartered.contains(&cell) {
+                first.extend(cell.quarters());
+                continue;
             }
+            let cell = self.place(cell, None);
+            sum.add(cell.error);
+            queue.push(Queued { error: cell.error, number: cells.len() });
+            cells.push(cell);
         }
         while sum.total() > settings.tolerance && self.samples.len() < settings.max_samples {
             let Some(worst) = queue.pop() else { break };
@@ -427,6 +464,50 @@ impl Hemisphere<'_> {
         gathered
     }
 
+    /// Cells that are quartered before any is judged, since samples of theirs may all miss what is small and bright.
+    fn around_bright(&self, tolerance: f64) -> BTreeSet<Cell> {
+        let mut quartered = BTreeSet::new();
+        let mut seen: Vec<(Cell, Vec<Seen>)> = Vec::new();
+        for bright in self.shining.bright {
+            let irradiance = bright.irradiance(self.receiver);
+            if irradiance <= 0.0 {
+                continue;
+            }
+            let away = (bright.position - self.receiver.position).normalize();
+            let (t1, t2) = self.frame;
+            let at = [
+                math::acos(self.receiver.normal.dot(&away).min(1.0)) / FRAC_PI_2,
+                math::atan2(away.dot(&t2), away.dot(&t1)).rem_euclid(TAU) / TAU,
+            ];
+            let seen_there =
+                Seen { at, irradiance, solid_angle: bright.solid_angle(self.receiver) };
+            let cell = Cell::at(COARSEST, at);
+            match seen.iter_mut().find(|s| s.0 == cell) {
+                Some((_, list)) => list.push(seen_there),
+                None => seen.push((cell, vec![seen_there])),
+            }
+        }
+        while let Some((cell, list)) = seen.pop() {
+            let irradiance: f64 = list.iter().map(|s| s.irradiance).sum();
+            let filled: f64 = list.iter().map(|s| s.solid_angle).sum();
+            if irradiance <= WORTH * tolerance
+                || filled >= FILLED * cell.solid_angle()
+                || cell.level >= MOST_FORCED
+            {
+                continue;
+            }
+            quartered.insert(cell);
+            for quarter in cell.quarters() {
+                let inside = list.iter().filter(|s| Cell::at(quarter.level, s.at) == quarter);
+                let inside: Vec<Seen> = inside.copied().collect();
+                if !inside.is_empty() {
+                    seen.push((quarter, inside));
+                }
+            }
+        }
+        quartered
+    }
+
     /// Looks at a cell's samples. Its error is estimated: where all samples see the same things the same way, from what
     /// the corners and the centre disagree by, across either diagonal, and what quartering the whole that it is
     /// a part of has `changed`, if that was smooth too; else it is the standard deviation of
@@ -465,7 +546,7 @@ impl Hemisphere<'_> {
         self.rays += sight.rays;
         let mut rgb = Rgb::BLACK;
         for leaf in &sight.leaves {
-            rgb += leaf.throughput * (self.radiosity)(leaf);
+            rgb += leaf.throughput * (self.shining.radiosity)(leaf);
         }
         let n = self.samples.len() as u32;
         self.samples.push(Sample {

@@ -5,6 +5,7 @@
 
 mod beam;
 mod boundary;
+mod bright;
 mod chain;
 mod control;
 mod criteria;
@@ -37,6 +38,7 @@ mod unseen;
 mod window;
 mod word;
 
+pub use bright::{Bright, Shining};
 pub use chain::{Event, Step};
 pub use control::{Control, Order};
 pub use criteria::{Criteria, MatchingTrees, NormalVariation, QuadratureAccuracy, SolidAngle};

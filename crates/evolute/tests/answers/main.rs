@@ -5,8 +5,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
-// Shared with the tracer's tests, which need more of it.
-#[allow(dead_code)]
+#[allow(dead_code)] // shared with the tracer's tests, which need more of it
 #[path = "../brute/random.rs"]
 mod random;
 
