@@ -83,7 +83,8 @@ impl Lattice {
             [((p, q), (side[0], side[1])), ((q, p), (side[1], side[0]))]
         {
             for lit in near {
-                if find(far, &lit.leaf).is_some() || lit.radiance().max() <= small {
+                // What is dark here may be lit where the other end hides it.
+                if find(far, &lit.leaf).is_some() {
                     continue;
                 }
                 let look = look.get_or_insert_with(|| Look {
