@@ -1,8 +1,8 @@
 //! Solutions as bytes.
 //!
 //! A header (magic, version of the format, fingerprint of the scene, lengths, checksum), then the content in
-//! postcard's encoding, compressed by zstd. A mesh is kept as the cuts that made it of the surface's first triangles,
-//! and light as its values at vertices. The same solution gives the same bytes: there is no date in them, and no time.
+//! postcard's encoding, compressed by zstd. A mesh is kept as the cuts and seams that made it of the surface's first
+//! triangles, and light as its values at vertices. The same solution gives the same bytes: there is no date in them, and no time.
 //!
 //! Nothing that a file says is believed before its checksum is right, and no more memory is taken than it announces;
 //! numbers of sheets, triangles and vertices are checked even then.

@@ -4,7 +4,8 @@
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::{FINEST, Lattice, Lit, PIXEL, distance, find, irradiance_of, total};
+use super::{FINEST, Lattice, Lit, PIXEL, distance, find, total};
+use crate::geometry::Rgb;
 use crate::transfer::{Control, Order};
 use crate::view::View;
 use crate::view::receiver::Allowance;
@@ -124,19 +125,20 @@ impl Lattice {
             match leaves.iter().position(|leaf| leaf.same(&lit.leaf)) {
                 Some(i) => {
                     low = middle;
-                    last = Some((leaves, i, x, y));
+                    last = Some((leaves, i));
                 }
                 None => high = middle,
             }
         }
-        let Some((leaves, i, x, y)) = last else { return };
+        let Some((leaves, i)) = last else { return };
         let leaf = leaves[i];
-        let known: Vec<_> = leaves.iter().map(|l| irradiance_of(&[], x, y, l)).collect();
+        // Direct light comes first: nothing else is known yet.
+        let known = vec![Rgb::BLACK; leaves.len()];
         let share =
-            view.relative * Allowance::new(&leaves, &known, self.dark).share(&leaf, known[i]);
+            view.relative * Allowance::new(&leaves, &known, self.dark).share(&leaf, Rgb::BLACK);
         let light = (view.light)(&leaf, self.part, share);
         look.stopped |= light.stopped;
-        let seen = Lit { leaf, irradiance: light.irradiance, known: known[i] };
+        let seen = Lit { leaf, irradiance: light.irradiance, known: Rgb::BLACK };
         look.changes |= distance(seen.radiance(), lit.radiance()) > allowed;
         look.seen.counts += light.counts;
         look.seen.unmet += u64::from(!light.met);
