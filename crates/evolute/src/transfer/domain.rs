@@ -7,6 +7,7 @@
 //! cylinder: sin ψ = (R/ρ) sin i).
 
 use super::extension::{Facet, facet_of, is_faceted, over_the_rim};
+use super::landing::Square;
 use crate::geometry::{Point3, Vector3, math, tangent_frame};
 use crate::optics::{Dual, DualRay, DualVector};
 use crate::surface::{Cylinder, Mesh, Parametric, Sphere, Surface, SurfacePoint};
@@ -158,9 +159,11 @@ impl<'s> Domain<'s> {
 
     /// Half the opening [rad] of a cone that certainly holds all normals of a cell, where the domain is
     /// known only by evaluating it; zero where its coordinates leave no doubt.
-    pub fn normal_cone(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
+    pub fn normal_cone(&self, cell: Square) -> f64 {
         match &self.kind {
-            Kind::Parameters { surface } => surface.normal_cone(a, b),
+            Kind::Parameters { surface } => {
+                surface.normal_cone(cell.level, [cell.i, cell.j].map(|k| k / cell.side()))
+            }
             _ => 0.0,
         }
     }

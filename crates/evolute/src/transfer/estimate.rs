@@ -6,7 +6,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::chain::{Blocker, MAX_CHAIN_EDGES};
+use super::chain::Blocker;
 use super::field::{FieldSample, Sight};
 use super::grid::GridPoint;
 use super::interpolant::{Corners, Interpolant, Light, is_dark};
@@ -16,7 +16,6 @@ use super::quadrature::{FIRST_LEVEL, LAST_LEVEL, Quadrature, Term};
 use super::shadow::{HIDDEN_LEVELS, HIDDEN_SHARE};
 use super::word::WordId;
 use crate::geometry::Rgb;
-use crate::optics::Dual;
 
 /// Divisions of the first grid down to which a cell is not called dark where some of its chains exist
 /// and are hidden, and others do not exist.
@@ -168,7 +167,13 @@ impl Quadrature<'_, '_> {
             return Ok(Estimate::DIVIDE);
         }
         let edges = Interpolant::edges(&corners, guessed, h)?;
-        if matters && c.matching_trees.is_some_and(|c| c.divides(&corners, level - first)) {
+        let unlike = c.matching_trees.is_some_and(|c| match self.terms[term] {
+            // Borders of shadows on the lamp itself are bisected and held against further samples, which tells more
+            // than forced divisions below the first grid would.
+            Term::Direct(..) => level < first && c.divides(&corners, 0),
+            Term::Through(..) => c.divides(&corners, level - first),
+        });
+        if matters && unlike {
             return Ok(Estimate::DIVIDE);
         }
         let centre = self.sample(term, place.at(0.5, 0.5));
@@ -269,22 +274,15 @@ impl Quadrature<'_, '_> {
     /// the word need be traced.
     fn outside_before(&mut self, word: WordId, place: &Place) -> bool {
         let Some(parent) = self.words.parent(word) else { return false };
-        let mut corners: [ArrayVec<Dual, MAX_CHAIN_EDGES>; 4] = Default::default();
-        for (edges, at) in corners.iter_mut().zip(place.corners()) {
-            match self.words.departure(parent, at) {
-                Some(departure) => *edges = departure.edges.clone(),
-                None => return false,
-            }
-        }
+        let numbers = place.corners().map(|at| self.words.number(parent, at));
+        let [p, q, r, s] = numbers.map(|k| self.words.numbered(parent, k));
+        let (Some(p), Some(q), Some(r), Some(s)) = (p, q, r, s) else { return false };
+        let corners = [p, q, r, s].map(|c| &c.edges);
         let count = corners.iter().map(|c| c.len()).min().unwrap_or(0);
         (0..count).any(|k| {
             // Most borders are far from most cells; the margin is only worked out for the others.
             corners.iter().all(|c| c[k].v < 0.0) && {
-                let patch = Patch::hermite(
-                    &std::array::from_fn(|c| corners[c][k]),
-                    place.size(),
-                    place.size(),
-                );
+                let patch = Patch::hermite(&corners.map(|c| c[k]), place.size(), place.size());
                 is_dark(&patch, 1)
             }
         })

@@ -4,7 +4,7 @@ use arrayvec::ArrayVec;
 
 use super::chain::{Blocker, Departure, MAX_CHAIN_EDGES, Visibility};
 use super::cut::MAX_CONSTRAINTS;
-use super::domain::Domain;
+use super::domain::{Domain, FirstPoint};
 use super::extension::over_the_far_rim;
 use super::grid::GridPoint;
 use super::lamp::{Lamp, MAX_LAMP_EDGES};
@@ -111,6 +111,28 @@ impl<'s> DirectField<'s> {
         })
     }
 
+    /// Whether nothing stands between the receiver and the point of the lamp; not known beyond an edge of the field.
+    fn sight(&self, first: &FirstPoint, cos_1: f64, facing: f64, counts: &mut Counts) -> Sight {
+        if cos_1 <= 0.0 || facing <= 0.0 {
+            return Sight::Unknown;
+        }
+        counts.rays += 1;
+        let ray = Ray::new(self.receiver.position, first.d.v);
+        let end = Anchor { shape: self.shape, point: first.point };
+        let hidden = self.tracer.occluded(&ray, first.distance, &self.contacts, Some(&end));
+        if hidden { Sight::Off } else { Sight::On }
+    }
+
+    /// Whether nothing is known to stand in the way at a grid point.
+    pub fn sees(&self, at: GridPoint, counts: &mut Counts) -> bool {
+        let (a, b) = at.coordinates();
+        self.domain.at(a, b).is_some_and(|first| {
+            let cos_1 = first.d.v.dot(&self.receiver.normal);
+            let facing = -first.d.v.dot(&first.n.v);
+            self.sight(&first, cos_1, facing, counts) != Sight::Off
+        })
+    }
+
     /// The sample at a grid point.
     pub fn sample(&self, at: GridPoint, counts: &mut Counts) -> Option<FieldSample> {
         let (a, b) = at.coordinates();
@@ -125,20 +147,13 @@ impl<'s> DirectField<'s> {
         let mut edges = ArrayVec::new();
         edges.push(cos_1);
         edges.push(facing);
-        let (sight, blocker) = if cos_1.v <= 0.0 || facing.v <= 0.0 {
-            (Sight::Unknown, None)
-        } else {
+        let sight = self.sight(&first, cos_1.v, facing.v, counts);
+        let blocker = (sight == Sight::Off).then(|| {
             counts.rays += 1;
             let ray = Ray::new(self.receiver.position, first.d.v);
-            let end = Anchor { shape: self.shape, point: first.point };
-            if self.tracer.occluded(&ray, first.distance, &self.contacts, Some(&end)) {
-                counts.rays += 1;
-                let by = self.tracer.nearest(&ray, first.distance, &self.contacts);
-                (Sight::Off, by.map(|hit| Blocker { shape: hit.anchor.shape, leg: 0 }))
-            } else {
-                (Sight::On, None)
-            }
-        };
+            self.tracer.nearest(&ray, first.distance, &self.contacts)
+        });
+        let blocker = blocker.flatten().map(|hit| Blocker { shape: hit.anchor.shape, leg: 0 });
         Some(FieldSample {
             borders: edges.len(),
             edges,

@@ -6,7 +6,7 @@ use arrayvec::ArrayVec;
 use super::cut::{Integrals, MAX_CONSTRAINTS, Weights, cut_integral};
 use super::field::{FieldSample, MAX_FIELD_EDGES};
 use super::landing::Darkness;
-use super::polynomial::Patch;
+use super::polynomial::{Patch, cubic};
 use crate::geometry::Rgb;
 use crate::optics::Dual;
 
@@ -235,8 +235,7 @@ impl Interpolant {
     /// The point of a coarse grid where the least edge function is largest.
     pub fn brightest_point(&self) -> (f64, f64) {
         let mut best = (f64::NEG_INFINITY, (0.5, 0.5));
-        for at in raster() {
-            let least = self.least(at);
+        for (least, at) in self.least_over_raster().into_iter().zip(raster()) {
             if least > best.0 {
                 best = (least, at);
             }
@@ -250,8 +249,9 @@ impl Interpolant {
     pub fn lit_points(&self) -> ArrayVec<(f64, f64), 6> {
         let mut points = ArrayVec::new();
         points.extend(self.centroid().filter(|at| self.least(*at) > 0.0));
-        let lit: ArrayVec<[f64; 3], 81> = raster()
-            .map(|(a, b)| [a, b, self.least((a, b))])
+        let lit: ArrayVec<[f64; 3], RASTER> = raster()
+            .zip(self.least_over_raster())
+            .map(|((a, b), least)| [a, b, least])
             .filter(|[_, _, least]| *least > 0.0)
             .collect();
         let ways = [[0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]];
@@ -278,11 +278,30 @@ impl Interpolant {
 
     /// The least edge function at a point, each as a share of its range in the cell.
     fn least(&self, (a, b): (f64, f64)) -> f64 {
-        self.cuts.iter().fold(f64::INFINITY, |least, c| {
-            let (low, high) = c.bounds();
-            least.min(c.value(a, b) / (high - low).max(f64::MIN_POSITIVE))
-        })
+        self.cuts.iter().fold(f64::INFINITY, |least, c| least.min(c.value(a, b) / range(c)))
     }
+
+    /// The same at the points of the coarse grid.
+    fn least_over_raster(&self) -> [f64; RASTER] {
+        let mut least = [f64::INFINITY; RASTER];
+        for c in &self.cuts {
+            let range = range(c);
+            let points = raster_side().flat_map(|a| {
+                let row = c.at_a(a);
+                raster_side().map(move |b| cubic(&row, b))
+            });
+            for (least, value) in least.iter_mut().zip(points) {
+                *least = least.min(value / range);
+            }
+        }
+        least
+    }
+}
+
+/// How far the coefficients of a polynomial go apart, not nought.
+fn range(patch: &Patch) -> f64 {
+    let (low, high) = patch.bounds();
+    (high - low).max(f64::MIN_POSITIVE)
 }
 
 /// The plane that stands for a weight in a torn cell, and how far it may be off: what the samples that
@@ -325,10 +344,17 @@ fn torn_weight(
 /// The corners and the centre of a unit cell, from its centre.
 const OFF_CENTRE: [[f64; 2]; 5] = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.0, 0.0]];
 
+/// Points of a coarse grid over a cell, and of one side of it.
+const RASTER: usize = RASTER_SIDE * RASTER_SIDE;
+const RASTER_SIDE: usize = 9;
+
 /// The points of a coarse grid over a cell.
 fn raster() -> impl Iterator<Item = (f64, f64)> {
-    let at = |k: i32| f64::from(k) * 0.125;
-    (0..=8).flat_map(move |i| (0..=8).map(move |j| (at(i), at(j))))
+    raster_side().flat_map(|a| raster_side().map(move |b| (a, b)))
+}
+
+fn raster_side() -> impl Iterator<Item = f64> {
+    (0..RASTER_SIDE).map(|k| k as f64 / (RASTER_SIDE - 1) as f64)
 }
 
 /// What the k-th edge function of a cell tells when it is negative all over.

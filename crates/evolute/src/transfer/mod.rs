@@ -34,6 +34,7 @@ mod shadow;
 mod shaft;
 mod spared;
 mod specular;
+mod store;
 mod unseen;
 mod window;
 mod word;

@@ -11,12 +11,13 @@ use arrayvec::ArrayVec;
 
 use super::criteria::Criteria;
 use super::estimate::{GUESSED_LEVELS, Place};
-use super::field::{DirectField, FieldSample, sample_through};
+use super::field::{DirectField, FieldSample, Sight, sample_through};
 use super::grid::{GridHasher, GridPoint};
 use super::lamp::Lamp;
 use super::landing::{DarkCells, Square, Target};
 use super::part::Part;
 use super::settings::{Counts, WordShare};
+use super::store::Store;
 use super::unseen::Brake;
 use super::window::Shown;
 use super::word::{WordId, Words};
@@ -88,7 +89,7 @@ pub struct Quadrature<'s, 'l> {
     pub(super) terms: Vec<Term<'s>>,
     /// Level of each term's first grid.
     pub(super) first: Vec<u32>,
-    pub(super) samples: Vec<Option<FieldSample>>,
+    pub(super) samples: Store<Option<FieldSample>>,
     /// The part of the domain that each term's light comes from at most, where that is known.
     pub(super) parts: Vec<Option<Part>>,
     /// Each term's cells that are held dark.
@@ -97,6 +98,8 @@ pub struct Quadrature<'s, 'l> {
     terms_of: Vec<Vec<u32>>,
     /// Numbers of each term's samples by grid point.
     sampled: Vec<HashMap<u64, u32, GridHasher>>,
+    /// Whether a lamp is seen directly at grid points without a sample, by term.
+    seen: Vec<HashMap<u64, bool, GridHasher>>,
     cells: Vec<Cell>,
     queue: BinaryHeap<Candidate>,
     /// Luminance and error of all leaves so far.
@@ -122,11 +125,12 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             brake,
             terms: Vec::new(),
             first: Vec::new(),
-            samples: Vec::new(),
+            samples: Store::default(),
             parts: Vec::new(),
             dark: Vec::new(),
             terms_of: Vec::new(),
             sampled: Vec::new(),
+            seen: Vec::new(),
             cells: Vec::new(),
             queue: BinaryHeap::new(),
             luminance: 0.0,
@@ -163,7 +167,8 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         sum
     }
 
-    /// Adds a term with its first grid of 4^`first` cells.
+    /// Adds a term with its first grid of 4^`first` cells; a lamp that is seen directly begins with fewer, which are
+    /// divided like those of that grid's own.
     pub fn add(&mut self, term: Term<'s>, first: u32, tolerance: f64) {
         let index = self.terms.len() as u32;
         let mut part = None;
@@ -182,10 +187,15 @@ impl<'s, 'l> Quadrature<'s, 'l> {
         self.parts.push(part);
         self.dark.push(DarkCells::default());
         self.sampled.push(HashMap::default());
-        let n = 1u32 << first;
+        self.seen.push(HashMap::default());
+        let level = match self.terms[index as usize] {
+            Term::Direct(..) => first.min(COARSE_LEVEL),
+            Term::Through(..) => first,
+        };
+        let n = 1u32 << level;
         for i in 0..n {
             for j in 0..n {
-                self.place(index, Square::nth(first, i, j), tolerance);
+                self.place(index, Square::nth(level, i, j), tolerance);
             }
         }
     }
@@ -367,8 +377,7 @@ impl<'s, 'l> Quadrature<'s, 'l> {
             return known as usize;
         }
         let sample = self.compute(term, at);
-        let index = self.samples.len();
-        self.samples.push(sample);
+        let index = self.samples.push(sample);
         self.sampled[term].insert(at.key(), index as u32);
         index
     }
@@ -376,6 +385,19 @@ impl<'s, 'l> Quadrature<'s, 'l> {
     /// What is known of the term at a grid point, if it was asked for.
     pub(super) fn sampled(&self, term: usize, at: GridPoint) -> Option<&FieldSample> {
         self.sampled[term].get(&at.key()).and_then(|k| self.samples[*k as usize].as_ref())
+    }
+
+    /// Whether nothing is known to stand in the way at a grid point. Of a lamp seen directly, bisections ask for no
+    /// more than that.
+    pub(super) fn sees(&mut self, term: usize, at: GridPoint) -> bool {
+        if let Term::Direct(field, _) = &self.terms[term]
+            && !self.sampled[term].contains_key(&at.key())
+        {
+            let counts = &mut self.counts;
+            return *self.seen[term].entry(at.key()).or_insert_with(|| field.sees(at, counts));
+        }
+        let asked = self.sample(term, at);
+        self.samples[asked].as_ref().is_some_and(|s| s.sight != Sight::Off)
     }
 
     fn compute(&mut self, term: usize, at: GridPoint) -> Option<FieldSample> {

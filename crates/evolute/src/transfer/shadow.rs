@@ -197,7 +197,7 @@ impl Quadrature<'_, '_> {
     /// Whether something else than what is known to reaches into the beam of a cell between the rays that were
     /// asked.
     fn may_hide_through(&mut self, place: &Place, known: &[ShapeId]) -> bool {
-        let divisions = place.cell.level - self.first[place.term];
+        let divisions = place.cell.level.saturating_sub(self.first[place.term]);
         match &self.terms[place.term] {
             Term::Direct(field, _) => {
                 let at = place.at(0.0, 0.0).coordinates();
@@ -251,12 +251,6 @@ impl Quadrature<'_, '_> {
                 asked.then_some(true)
             }
         }
-    }
-
-    /// Whether nothing is known to stand in the way at a grid point.
-    fn sees(&mut self, term: usize, at: GridPoint) -> bool {
-        let asked = self.sample(term, at);
-        self.samples[asked].as_ref().is_some_and(|s| s.sight != Sight::Off)
     }
 }
 

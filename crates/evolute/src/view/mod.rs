@@ -146,6 +146,15 @@ impl View<'_> {
         tree::sight(self.tracer, &trunk, &self.limits)
     }
 
+    /// Irradiance [W/m²] that is known of a leaf before a part of it is computed, besides the parts that were: for
+    /// direct light, which comes first, indirect light as the meshes of a first pass have it.
+    fn foreknown(&self, leaf: &Leaf, part: Part) -> Rgb {
+        match self.hint {
+            Some(hint) if part == Part::Direct => hint(leaf)[Part::Indirect as usize],
+            _ => Rgb::BLACK,
+        }
+    }
+
     /// The whole picture; `None` if told to abandon it.
     fn draw(&self, control: &Control<'_>) -> Option<Picture> {
         let mut lattices: Vec<Lattice> = Vec::new();

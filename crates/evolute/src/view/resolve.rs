@@ -335,6 +335,7 @@ impl Pixel<'_, '_> {
             // What shows in a few pixels only may be as coarse as the meshes.
             found = hint(leaf)[part as usize];
         } else if self.may_compute {
+            let known = known + self.view.foreknown(leaf, part);
             let share = self.view.relative * self.allowance(sight, x, y).share(leaf, known);
             let light = (self.view.light)(leaf, part, share);
             band.counts += light.counts;

@@ -97,6 +97,12 @@ impl Evaluator {
         }
     }
 
+    /// x_s and x_t over a cell.
+    pub fn tangent_box(&self, [s, t]: [Interval; 2]) -> [[Interval; 3]; 2] {
+        let j = self.tape.evaluate::<Jet1<Interval>, 3>(&Jet1::variables(s, t));
+        [0, 1].map(|k| self.vector(j.map(|j| j.g[k])))
+    }
+
     /// Positions over a cell.
     pub fn position_box(&self, cell: [Interval; 2]) -> [Interval; 3] {
         self.point(self.tape.evaluate::<Interval, 3>(&cell))

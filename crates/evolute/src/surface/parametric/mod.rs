@@ -6,6 +6,7 @@
 //! that pass close to those places.
 
 mod chords;
+mod cones;
 mod evaluate;
 mod hit;
 mod leaves;
@@ -14,14 +15,17 @@ mod newton;
 mod patch;
 mod singular;
 
+use std::sync::Arc;
+
 use self::chords::Chords;
+use self::cones::Cones;
 use self::evaluate::Evaluator;
 use self::leaves::Leaves;
 pub use self::patch::Cell;
 use self::patch::Patch;
 use super::{Jet, SurfaceError, SurfacePoint};
-use crate::formula::{Formula, Interval, Tape};
-use crate::geometry::{Aabb, Point3, Transform, Vector3, math};
+use crate::formula::{Formula, Tape};
+use crate::geometry::{Aabb, Point3, Transform, Vector3};
 
 /// A surface `x(s, t)`, prepared in world space. Texture coordinates are (s, t). Its front is the side
 /// to which x_s × x_t points in the object's frame, also under a transform that mirrors (as for
@@ -34,6 +38,7 @@ pub struct Parametric {
     evaluator: Evaluator,
     leaves: Leaves,
     chords: Box<Chords>,
+    cones: Arc<Cones>,
     bounds: Aabb,
     /// Length of the diagonal of the bounds [m].
     size: f64,
@@ -83,6 +88,7 @@ impl Parametric {
             evaluator,
             leaves,
             chords,
+            cones: Arc::default(),
             bounds,
             size: bounds.diagonal(),
             area_scale,
@@ -107,25 +113,6 @@ impl Parametric {
     /// Position [m], world frame; NaN where the formulas are not defined.
     pub fn position(&self, s: f64, t: f64) -> Point3 {
         self.evaluator.position(s, t)
-    }
-
-    /// Half the opening [rad] of a cone that certainly holds all normals of a cell of parameters; π where
-    /// none narrower than a half space is found. Intervals make it wider than it need be.
-    pub fn normal_cone(&self, [s0, s1]: [f64; 2], [t0, t1]: [f64; 2]) -> f64 {
-        let b = self.evaluator.jet_box([Interval::new(s0, s1), Interval::new(t0, t1)]);
-        let mut centre = Vector3::zeros();
-        let mut half = Vector3::zeros();
-        for i in 0..3 {
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            let n = b.xs[j] * b.xt[k] - b.xs[k] * b.xt[j];
-            if !n.is_bounded() {
-                return std::f64::consts::PI;
-            }
-            centre[i] = 0.5 * (n.lo + n.hi);
-            half[i] = 0.5 * n.width();
-        }
-        let sine = half.norm() / centre.norm();
-        if sine < 1.0 { math::asin(sine) } else { std::f64::consts::PI }
     }
 
     /// +1 or −1 if no line in the direction `d` passes two points of the surface, and none in any direction

@@ -46,8 +46,7 @@ impl Words<'_> {
         for cell in &cells {
             let mut meets = |at: &GridPoint| {
                 // What was not traced there is not legal.
-                let known = self.words[parent.0 as usize].departures.get(&at.key());
-                let legal = known.is_some_and(|d| d.as_deref().is_some_and(Departure::is_legal));
+                let legal = self.known(parent, *at).is_some_and(Departure::is_legal);
                 legal && self.met(parent, *at) == Some(letter)
             };
             let share = 0.25 * cell.corners().iter().filter(|at| meets(at)).count() as f64;

@@ -37,10 +37,7 @@ impl Words<'_> {
     /// carry nothing.)
     pub fn has_met(&self, word: WordId, (shape, primitive): (ShapeId, Option<u32>)) -> bool {
         let node = &self.words[word.0 as usize];
-        let carries = |at: GridPoint| {
-            let known = node.departures.get(&at.key());
-            known.and_then(|d| d.as_deref()).is_some_and(|d| d.weight.v > 0.0)
-        };
+        let carries = |at: GridPoint| self.known(word, at).is_some_and(|d| d.weight.v > 0.0);
         let target = self.scene.shape(shape);
         let met = |front: bool| {
             let letter = Target { shape, primitive, front, lamp: false };

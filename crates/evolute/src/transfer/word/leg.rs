@@ -106,7 +106,7 @@ impl Words<'_> {
     }
 
     /// The first leg at a grid point and what stands in it.
-    pub(super) fn first_leg(&mut self, root: usize, at: GridPoint) -> FirstLeg {
+    pub(super) fn first_leg(&mut self, root: usize, at: GridPoint) -> &FirstLeg {
         let position = self.receiver.position;
         if !self.roots[root].legs.contains_key(&at.key()) {
             let (a, b) = at.coordinates();
@@ -121,11 +121,11 @@ impl Words<'_> {
             });
             self.roots[root].legs.insert(at.key(), leg);
         }
-        *self.roots[root].legs.get(&at.key())?
+        self.roots[root].legs.get(&at.key()).unwrap_or(&None)
     }
 
     fn first_arrival(&mut self, root: usize, step: &Step, at: GridPoint) -> Option<Arrival> {
-        let (first, blocker) = self.first_leg(root, at)?;
+        let (first, blocker) = *self.first_leg(root, at).as_ref()?;
         let normal = self.receiver.normal;
         let cos_1 = first.d.dot_constant(&normal);
         let mut arrival = Arrival {
@@ -164,9 +164,8 @@ impl Words<'_> {
 
     /// A point of a letter that a chain traced near `at` met.
     fn hint(&self, parent: WordId, step: &Step, at: GridPoint) -> SurfacePoint {
-        let parent = &self.words[parent.0 as usize];
-        let near = parent.landings.near(step.target(), at);
-        let met = near.and_then(|near| parent.departures.get(&near.key())?.as_ref()?.next);
+        let near = self.words[parent.0 as usize].landings.near(step.target(), at);
+        let met = near.and_then(|near| self.known(parent, near)?.next);
         met.map_or(step.hint, |hit| hit.anchor.point)
     }
 

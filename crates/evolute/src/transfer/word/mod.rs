@@ -15,6 +15,7 @@ use super::grid::{GridHasher, GridPoint};
 use super::landing::{Landings, Square, Target};
 use super::part::Part;
 use super::settings::{Counts, Receiver};
+use super::store::Store;
 use super::window::Window;
 use crate::geometry::{Point3, Vector3};
 use crate::scene::{Scene, ShapeId};
@@ -41,7 +42,9 @@ struct Word {
     grey: bool,
     /// Whether a later letter than the first is on a surface whose continuation is only iterated for.
     guessed: bool,
-    departures: HashMap<u64, Option<Box<Departure>>, GridHasher>,
+    departures: Store<Option<Departure>>,
+    /// Their numbers by grid point.
+    traced: HashMap<u64, u32, GridHasher>,
     discovered: Vec<Step>,
     children: Vec<WordId>,
     landings: Landings,
@@ -62,8 +65,6 @@ type FirstLeg = Option<(FirstPoint, Option<ShapeId>)>;
 
 struct Root<'s> {
     domain: Domain<'s>,
-    /// Cones of normals by cell.
-    cones: HashMap<u64, f64, GridHasher>,
     legs: HashMap<u64, FirstLeg, GridHasher>,
 }
 
@@ -151,7 +152,7 @@ impl<'s> Words<'s> {
                     ids.push(self.add(Source::First(root), step, 1, true));
                 }
             }
-            self.roots.push(Root { domain, cones: HashMap::default(), legs: HashMap::default() });
+            self.roots.push(Root { domain, legs: HashMap::default() });
         }
         ids
     }
@@ -220,7 +221,8 @@ impl<'s> Words<'s> {
             depth,
             grey,
             guessed,
-            departures: HashMap::default(),
+            departures: Store::default(),
+            traced: HashMap::default(),
             discovered: Vec::new(),
             children: Vec::new(),
             landings: Landings::default(),
@@ -243,16 +245,10 @@ impl<'s> Words<'s> {
     }
 
     /// Half the opening [rad] of a cone that certainly holds all normals of the first surface in a cell.
-    pub fn normal_cone(&mut self, word: WordId, cell: Square) -> f64 {
+    pub fn normal_cone(&self, word: WordId, cell: Square) -> f64 {
         match self.words[word.0 as usize].source {
             Source::After(parent) => self.normal_cone(parent, cell),
-            Source::First(root) => {
-                let Root { domain, cones, .. } = &mut self.roots[root];
-                let (from, side) = (cell.corner().coordinates(), cell.size());
-                *cones.entry(cell.key()).or_insert_with(|| {
-                    domain.normal_cone([from.0, from.0 + side], [from.1, from.1 + side])
-                })
-            }
+            Source::First(root) => self.roots[root].domain.normal_cone(cell),
         }
     }
 
@@ -260,7 +256,7 @@ impl<'s> Words<'s> {
     pub fn first_direction(&mut self, word: WordId, at: GridPoint) -> Option<Vector3> {
         match self.words[word.0 as usize].source {
             Source::After(parent) => self.first_direction(parent, at),
-            Source::First(root) => self.first_leg(root, at).map(|(first, _)| first.d.v),
+            Source::First(root) => self.first_leg(root, at).as_ref().map(|(first, _)| first.d.v),
         }
     }
 
@@ -315,12 +311,13 @@ impl<'s> Words<'s> {
 
     /// Chains of a word that are kept.
     pub fn chains(&self, word: WordId) -> u64 {
-        self.words[word.0 as usize].departures.len() as u64
+        self.words[word.0 as usize].traced.len() as u64
     }
 
     /// Forgets a word's departures; they are traced again when they are asked for.
     pub fn forget(&mut self, word: WordId) {
-        self.words[word.0 as usize].departures = HashMap::default();
+        let word = &mut self.words[word.0 as usize];
+        (word.departures, word.traced) = Default::default();
     }
 
     /// Interactions of a word.
@@ -365,11 +362,31 @@ impl<'s> Words<'s> {
 
     /// The departure of a word's chain at a grid point; `None` where the chain does not exist.
     pub fn departure(&mut self, word: WordId, at: GridPoint) -> Option<&Departure> {
-        if !self.words[word.0 as usize].departures.contains_key(&at.key()) {
-            let traced = self.trace(word, at).map(Box::new);
-            self.words[word.0 as usize].departures.insert(at.key(), traced);
+        let number = self.number(word, at);
+        self.numbered(word, number)
+    }
+
+    /// The number of a word's departure at a grid point, traced if it was not before.
+    pub fn number(&mut self, word: WordId, at: GridPoint) -> usize {
+        if let Some(known) = self.words[word.0 as usize].traced.get(&at.key()) {
+            return *known as usize;
         }
-        self.words[word.0 as usize].departures.get(&at.key())?.as_deref()
+        let traced = self.trace(word, at);
+        let word = &mut self.words[word.0 as usize];
+        let number = word.departures.push(traced);
+        word.traced.insert(at.key(), number as u32);
+        number
+    }
+
+    /// The departure of that number.
+    pub fn numbered(&self, word: WordId, number: usize) -> Option<&Departure> {
+        self.words[word.0 as usize].departures[number].as_ref()
+    }
+
+    /// The departure at a grid point, if it was traced before.
+    fn known(&self, word: WordId, at: GridPoint) -> Option<&Departure> {
+        let number = *self.words[word.0 as usize].traced.get(&at.key())?;
+        self.numbered(word, number as usize)
     }
 
     /// The departure at a grid point that the word before reaches by a legal chain; where that is not, this

@@ -241,7 +241,8 @@ impl Lattice {
     fn node(&self, view: &View<'_>, before: &[Self], x: f64, y: f64) -> Option<Node> {
         let mut node = Node::default();
         let leaves = view.sight(x, y).leaves;
-        let known: Vec<Rgb> = leaves.iter().map(|leaf| irradiance_of(before, x, y, leaf)).collect();
+        let known = |l: &Leaf| irradiance_of(before, x, y, l) + view.foreknown(l, self.part);
+        let known: Vec<Rgb> = leaves.iter().map(known).collect();
         let dark = before.last().map_or(0.0, |l| l.dark);
         let allowance = Allowance::new(&leaves, &known, dark);
         for (leaf, known) in leaves.iter().zip(known) {

@@ -132,13 +132,13 @@ impl Lattice {
         }
         let Some((leaves, i)) = last else { return };
         let leaf = leaves[i];
-        // Direct light comes first: nothing else is known yet.
-        let known = vec![Rgb::BLACK; leaves.len()];
-        let share =
-            view.relative * Allowance::new(&leaves, &known, self.dark).share(&leaf, Rgb::BLACK);
+        // Direct light comes first: no other lattice is there yet.
+        let known: Vec<Rgb> = leaves.iter().map(|l| view.foreknown(l, self.part)).collect();
+        let allowance = Allowance::new(&leaves, &known, self.dark);
+        let share = view.relative * allowance.share(&leaf, known[i]);
         let light = (view.light)(&leaf, self.part, share);
         look.stopped |= light.stopped;
-        let seen = Lit { leaf, irradiance: light.irradiance, known: Rgb::BLACK };
+        let seen = Lit { leaf, irradiance: light.irradiance, known: known[i] };
         look.changes |= distance(seen.radiance(), lit.radiance()) > allowed;
         look.seen.counts += light.counts;
         look.seen.unmet += u64::from(!light.met);
