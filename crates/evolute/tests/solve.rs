@@ -7,6 +7,8 @@ mod cases;
 mod common;
 #[path = "solve/contacts.rs"]
 mod contacts;
+#[path = "solve/estimates.rs"]
+mod estimates;
 #[path = "solve/furnace.rs"]
 mod furnace;
 #[path = "solve/schemes.rs"]

@@ -7,5 +7,5 @@ mod roots;
 mod tessellation;
 
 pub use mesh::{Change, Locator, Place, TriangleMesh, Vertex};
-pub use quadratic::{Stencil, merged, within};
+pub use quadratic::{Stencil, merged};
 pub use tessellation::Tessellation;

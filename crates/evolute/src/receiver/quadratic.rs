@@ -30,6 +30,9 @@ const MOST_AMPLIFIED: f64 = 10.0;
 /// triangles may be flat, and know little of what is across.
 const MOST_ALONG: f64 = 30.0;
 
+/// Third differences of this part of the second ones are not small.
+const NOT_SMOOTH: f64 = 0.5;
+
 impl SecondDerivatives {
     /// Of a triangle; `None` if the vertices around do not determine them.
     fn new(mesh: &TriangleMesh<'_>, t: u32) -> Option<Self> {
@@ -76,15 +79,88 @@ pub fn within(p: &Vector3, q: &Vector3, x: &Vector3) -> (f64, f64) {
 }
 
 impl TriangleMesh<'_> {
-    /// By triangle, of those in question, and edge: what the middle of the edge has beyond the mean of its ends if a
-    /// function is quadratic. Empty where the vertices around do not tell.
-    pub fn middles(&self, triangles: &[u32]) -> Vec<[Stencil; 3]> {
+    /// By triangle, its own second derivatives.
+    fn second_derivatives(&self) -> Vec<Option<SecondDerivatives>> {
         let count = self.triangles().last().map_or(0, |t| t as usize + 1);
         let mut own: Vec<Option<SecondDerivatives>> = Vec::new();
         own.resize_with(count, || None);
         for t in self.triangles() {
             own[t as usize] = SecondDerivatives::new(self, t);
         }
+        own
+    }
+
+    /// By edge of a triangle: what linear interpolation of the values at vertices is wrong by in the mean, roughly and
+    /// without sign: an eighth of what the vertex beyond the edge differs by from the plane through the triangle's own.
+    /// (For second derivatives that is the error to within a factor of two; where a function jumps in the
+    /// triangle, less than it.) `None` at a border, or where that vertex does not tell.
+    pub fn linear_errors(&self, t: u32, value: &dyn Fn(u32) -> f64) -> [Option<f64>; 3] {
+        let values = self.corners(t).map(value);
+        let [a, b, c] = self.positions(t);
+        let (p, q) = (b - a, c - a);
+        [0, 1, 2].map(|e| {
+            let beyond = self.beyond(t, e)?;
+            let (s, u) = within(&p, &q, &(self.vertices()[beyond as usize].position - a));
+            let plane = values[0] + s * (values[1] - values[0]) + u * (values[2] - values[0]);
+            Some(0.125 * (plane - value(beyond)).abs()).filter(|error| error.is_finite())
+        })
+    }
+
+    /// By triangle: what quadratic interpolation of the values at vertices is wrong by, roughly and without sign: half of
+    /// what the two triangles of an edge differ by in what they say of its middle, for the edge where that is most. (It is of
+    /// third order, like the error, and for third derivatives a few times that.) Where it is not small beside the error
+    /// of linear interpolation, that one counts: there a function is not smooth; nor is it, often, where triangles end and
+    /// not all three are known. It is no more than values
+    /// around are apart, which beside flat triangles planes are not, and no less than in triangles around, since third
+    /// differences may vanish by chance.
+    pub fn quadratic_errors(&self, value: &dyn Fn(u32) -> f64) -> Vec<(u32, f64)> {
+        let own = self.second_derivatives();
+        let at = |v: u32| self.vertices()[v as usize].position;
+        let bend = |t: u32, edge: &Vector3| {
+            let weights = own[t as usize].as_ref()?.along(edge)?;
+            Some(-0.125 * weights.iter().map(|(v, w)| value(*v) * w).sum::<f64>())
+        };
+        let of = |t: u32| {
+            let corners = self.corners(t);
+            let linear = self.linear_errors(t, value);
+            let third = [0, 1, 2].map(|e| {
+                let edge = at(corners[(e + 1) % 3]) - at(corners[e]);
+                let both = bend(t, &edge).zip(self.next(t, e).and_then(|n| bend(n, &edge)));
+                both.map(|(here, there)| 0.5 * (here - there).abs())
+            });
+            let is_known = third.iter().all(Option::is_some);
+            let most = third.into_iter().zip(linear).filter_map(|(third, second)| {
+                match third.zip(second) {
+                    Some((third, second)) if is_known && third <= NOT_SMOOTH * second => {
+                        Some(third)
+                    }
+                    Some((third, second)) => Some(third.max(second)),
+                    None => third.or(second),
+                }
+            });
+            let beyond = (0..3).filter_map(|e| self.beyond(t, e));
+            let (low, high) = corners
+                .into_iter()
+                .chain(beyond)
+                .map(value)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+            (t, most.fold(0.0, f64::max).min(high - low))
+        };
+        let each: Vec<(u32, f64)> = self.triangles().map(of).collect();
+        let mut errors = vec![0.0; own.len()];
+        for (t, error) in &each {
+            errors[*t as usize] = *error;
+        }
+        let around = |t: u32| (0..3).filter_map(move |e| self.next(t, e));
+        each.iter()
+            .map(|&(t, error)| (t, around(t).map(|n| errors[n as usize]).fold(error, f64::max)))
+            .collect()
+    }
+
+    /// By triangle, of those in question, and edge: what the middle of the edge has beyond the mean of its ends if a
+    /// function is quadratic. Empty where the vertices around do not tell.
+    pub fn middles(&self, triangles: &[u32]) -> Vec<[Stencil; 3]> {
+        let own = self.second_derivatives();
         // At a border, those of a neighbour.
         let of = |t: u32| {
             let around = (0..3).filter_map(|e| self.next(t, e));

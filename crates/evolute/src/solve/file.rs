@@ -25,7 +25,7 @@ use crate::scene::Scene;
 const MAGIC: &[u8; 8] = b"EVOLUTE\x1a";
 
 /// Version of the format. To be raised when the content or its meaning changes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Bytes before the content.
 const HEADER: usize = 8 + 4 + 16 + 8 + 8 + 16;
@@ -167,6 +167,8 @@ struct StoredLayer {
     /// By vertex, numbered through all sheets: irradiance [W/m²] and the estimated errors of its luminance.
     irradiance: Vec<Rgb>,
     error: Vec<VertexError>,
+    /// By patch: the same of interpolation [W/m²].
+    interpolation: Vec<f64>,
 }
 
 /// Encodes a solution of a scene, and what another run may go on from.
@@ -298,6 +300,7 @@ impl StoredLayer {
             changes: layer.meshes().iter().map(|m| m.history().to_vec()).collect(),
             irradiance: layer.irradiance.clone(),
             error: layer.error.clone(),
+            interpolation: layer.interpolation().to_vec(),
         }
     }
 
@@ -308,9 +311,10 @@ impl StoredLayer {
         sheets: &[Sheet],
         edge: f64,
     ) -> Result<Layer<'s>, SolutionError> {
-        let Self { changes, irradiance, error } = self;
-        let is_finite =
-            irradiance.iter().all(Rgb::is_finite) && error.iter().all(|e| e.is_finite());
+        let Self { changes, irradiance, error, interpolation } = self;
+        let is_finite = irradiance.iter().all(Rgb::is_finite)
+            && error.iter().all(VertexError::is_finite)
+            && interpolation.iter().all(|e| e.is_finite());
         // Edges that are no lengths, or so short that first triangles would fill the memory.
         let area: f64 = sheets.iter().map(|s| scene.shape(s.shape).surface.area()).sum();
         let most = FIRST_PER_VERTEX * irradiance.len() as f64;
@@ -331,6 +335,10 @@ impl StoredLayer {
             return Err(SolutionError::Damaged);
         }
         let mut layer = Layer::new(sheets, meshes, irradiance, error);
+        if interpolation.len() != layer.patches.len() {
+            return Err(SolutionError::Damaged);
+        }
+        layer.set_interpolation(interpolation);
         layer.bend();
         Ok(layer)
     }

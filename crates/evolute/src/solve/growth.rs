@@ -9,7 +9,7 @@ use super::checkpoint::Known;
 use super::contact::Contacts;
 use super::layer::VertexError;
 use super::{Job, Sheet};
-use crate::receiver::{TriangleMesh, within};
+use crate::receiver::TriangleMesh;
 use crate::surface::ChartPoint;
 use crate::transfer::{Control, Order};
 
@@ -84,30 +84,15 @@ impl<L: Light + Default> Growth<'_, L> {
     }
 
     /// Irradiance that linear interpolation over a triangle is wrong by in the mean, roughly and without sign
-    /// [W/m²]: an eighth of what the vertices beyond its edges differ by from the plane through its own. (For
-    /// second derivatives that is the error of the interpolation to within a factor of two; where light
-    /// ends at an edge in the triangle, less than it.)
+    /// [W/m²].
     pub fn interpolation_error(&self, triangle: u32) -> f64 {
-        let values = self.mesh.corners(triangle).map(|v| self.luminance(v));
-        let [a, b, c] = self.mesh.positions(triangle);
-        let (p, q) = (b - a, c - a);
-        let mut most: f64 = 0.0;
-        for edge in 0..3 {
-            let Some(beyond) = self.mesh.beyond(triangle, edge) else { continue };
-            let x = self.mesh.vertices()[beyond as usize].position - a;
-            let (s, t) = within(&p, &q, &x);
-            let plane = values[0] + s * (values[1] - values[0]) + t * (values[2] - values[0]);
-            let difference = (plane - self.luminance(beyond)).abs();
-            if difference.is_finite() {
-                most = most.max(difference);
-            }
-        }
-        0.125 * most
+        let errors = self.mesh.linear_errors(triangle, &|v| self.luminance(v));
+        errors.into_iter().flatten().fold(0.0, f64::max)
     }
 
     /// By triangle that light landed in: irradiance of that, in the mean, beyond what the corners let expect, either
     /// way, and what the number of rays lets be chance [W/m²].
-    fn surprises(&self) -> HashMap<u32, f64> {
+    pub fn surprises(&self) -> HashMap<u32, f64> {
         let mut sums: HashMap<u32, (f64, f64)> = HashMap::new();
         for (site, flux) in &self.landed {
             let (sum, squares) = sums.entry(self.mesh.locate(site).triangle).or_default();
@@ -134,17 +119,9 @@ impl<L: Light + Default> Growth<'_, L> {
         self.mesh.triangles().map(error).collect()
     }
 
-    /// By vertex: the error of its own light, and the largest of the triangles around.
-    pub fn vertex_errors(&self, own: impl Fn(&L) -> f64) -> Vec<VertexError> {
-        let of = |light| VertexError { own: own(light), ..VertexError::default() };
-        let mut errors: Vec<VertexError> = self.light.iter().map(of).collect();
-        for (t, error) in self.errors() {
-            for v in self.mesh.corners(t) {
-                let interpolation = &mut errors[v as usize].interpolation;
-                *interpolation = interpolation.max(error);
-            }
-        }
-        errors
+    /// By vertex: the error of its own light.
+    pub fn vertex_errors(&self, own: impl Fn(&L) -> f64) -> impl Iterator<Item = VertexError> {
+        self.light.iter().map(move |light| VertexError { own: own(light), passed_on: 0.0 })
     }
 }
 

@@ -14,12 +14,16 @@ use crate::scene::Scene;
 use crate::surface::ChartPoint;
 use crate::trace::tree::{Limits, Losses};
 use crate::trace::{Anchor, Tracer};
-use crate::transfer::{Components, HemisphereSettings, Order, Receiver, Shining, Transfer, gather};
+use crate::transfer::{
+    Components, HemisphereSettings, Order, Receiver, Shining, Transfer, TransferSettings, gather,
+};
 
 /// How finely one part of the lamps' light is followed.
 struct Fineness {
     stage: &'static str,
     components: Components,
+    /// What is computed may be wrong by that much, in units of the accuracy.
+    own: f64,
     /// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy: the sum without
     /// regard to sign,
     flux: f64,
@@ -36,6 +40,7 @@ struct Fineness {
 const DIRECT: Fineness = Fineness {
     stage: "direct light",
     components: Components { direct: true, specular: false },
+    own: 0.25,
     flux: 0.25,
     shortest: 0.125,
     local: 0.5,
@@ -45,6 +50,7 @@ const DIRECT: Fineness = Fineness {
 const SPECULAR: Fineness = Fineness {
     stage: "specular light",
     components: Components { direct: false, specular: true },
+    own: 1.0,
     flux: 0.25,
     shortest: super::SHORTEST,
     local: 2.0,
@@ -119,8 +125,10 @@ fn illuminate<'s>(
     beside: &(dyn Fn(usize, &ChartPoint) -> f64 + Sync),
 ) -> (Layer<'s>, bool) {
     let Job { scene, sheets, tracer, edge, settings, control } = *job;
-    let transfer = Transfer::new(scene, tracer, settings.transfer);
     let relative = settings.transfer.relative;
+    let own = fineness.own * relative;
+    let transfer =
+        Transfer::new(scene, tracer, TransferSettings { relative: own, ..settings.transfer });
     let surfaces = sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
     let ambient = ambient(scene.emitted_flux(), surfaces).luminance();
     let rule = Rule {
@@ -137,7 +145,7 @@ fn illuminate<'s>(
         // Other light will be there, too, so that shadows need not be known as well as if they were all there is.
         let site = &mesh.vertices()[vertex as usize].site;
         let beside = ambient + beside(sheet, site);
-        let light = transfer.light_until(&receiver, fineness.components, relative * beside, &stop);
+        let light = transfer.light_until(&receiver, fineness.components, own * beside, &stop);
         (!light.stopped).then_some(LampLight {
             irradiance: light.direct + light.specular,
             error: light.error,
@@ -147,9 +155,11 @@ fn illuminate<'s>(
     *known = Known::of(&growths);
     let error = growths.iter().flat_map(|g| g.vertex_errors(|l| l.error)).collect();
     let irradiance = growths.iter().flat_map(|g| g.light.iter().map(|l| l.irradiance)).collect();
+    let surprises: Vec<_> = growths.iter().map(Growth::surprises).collect();
     let meshes = growths.into_iter().map(|g| g.mesh).collect();
     let mut layer = Layer::new(sheets, meshes, irradiance, error);
     layer.bend();
+    layer.estimate_interpolation(&surprises);
     (layer, whole)
 }
 

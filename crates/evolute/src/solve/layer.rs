@@ -3,6 +3,8 @@
 //! The light of lamps has edges, that of other surfaces hardly any, and a vertex of the one costs a hundred
 //! times one of the other: so each has its own meshes.
 
+use std::collections::HashMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::Sheet;
@@ -21,26 +23,20 @@ pub(super) struct PatchCorners {
     pub weights: [f64; 3],
 }
 
-/// Estimated errors of the luminance of the irradiance at a vertex [W/m²].
+/// Estimated errors of the luminance of the irradiance at a vertex [W/m²]; those of interpolation between vertices are
+/// triangles'.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct VertexError {
     /// Of what was computed there.
     pub own: f64,
-    /// Of interpolation around it.
-    pub interpolation: f64,
     /// Of the light of other places that it is lit by, which have errors of their own.
     pub passed_on: f64,
 }
 
 impl VertexError {
-    /// All of it.
-    pub fn sum(&self) -> f64 {
-        self.own + self.interpolation + self.passed_on
-    }
-
-    /// Whether it is a number.
+    /// Whether both are numbers.
     pub(super) fn is_finite(&self) -> bool {
-        self.sum().is_finite()
+        self.own.is_finite() && self.passed_on.is_finite()
     }
 }
 
@@ -58,6 +54,10 @@ pub struct Layer<'s> {
     pub(super) reflectance: Vec<Rgb>,
     pub(super) irradiance: Vec<Rgb>,
     pub(super) error: Vec<VertexError>,
+    /// By patch: what interpolation is wrong by, estimated, of the luminance [W/m²].
+    interpolation: Vec<f64>,
+    /// By vertex: the largest of those around.
+    roughness: Vec<f64>,
     /// By patch: quadratic interpolation.
     middles: Vec<[Stencil; 3]>,
     /// By patch: what the quadratic part adds in the mean, as weights of vertices numbered through all sheets.
@@ -127,6 +127,8 @@ impl<'s> Layer<'s> {
             reflectance: Vec::new(),
             irradiance,
             error,
+            interpolation: Vec::new(),
+            roughness: Vec::new(),
             middles: Vec::new(),
             offsets: Vec::new(),
             pieces: Vec::new(),
@@ -148,6 +150,7 @@ impl<'s> Layer<'s> {
                 layer.patches.push(PatchCorners { vertices, weights });
             }
         }
+        layer.set_interpolation(vec![0.0; layer.patches.len()]);
         layer.weigh();
         layer
     }
@@ -170,7 +173,7 @@ impl<'s> Layer<'s> {
         &self.irradiance[self.range(sheet)]
     }
 
-    /// Estimated error of its luminance at the vertices of a sheet [W/m²].
+    /// Estimated error of its luminance at the vertices of a sheet, without that of interpolation between them [W/m²].
     pub fn error(&self, sheet: usize) -> &[VertexError] {
         &self.error[self.range(sheet)]
     }
@@ -221,8 +224,20 @@ impl<'s> Layer<'s> {
     /// Estimated error of the irradiance's luminance at a point of a sheet [W/m²].
     pub fn error_at(&self, sheet: usize, site: &ChartPoint) -> f64 {
         let (patch, weights) = self.locate(sheet, site);
-        let corners = self.patches[patch as usize].vertices;
-        corners.iter().zip(weights).map(|(v, w)| self.error[*v as usize].sum() * w).sum()
+        self.error_in(patch as usize, weights)
+    }
+
+    /// The same in a patch, given the weights of its corners: what was computed, interpolation, and what is passed on know
+    /// nothing of each other, and so are added up by their squares.
+    pub(super) fn error_in(&self, patch: usize, weights: [f64; 3]) -> f64 {
+        let (mut own, mut passed_on) = (0.0, 0.0);
+        for (v, w) in self.patches[patch].vertices.iter().zip(weights) {
+            let error = self.error[*v as usize];
+            own += error.own * w;
+            passed_on += error.passed_on * w;
+        }
+        let interpolation = self.interpolation[patch];
+        (own * own + interpolation * interpolation + passed_on * passed_on).sqrt()
     }
 
     /// Area of all sheets [m²], and their mean reflectance: the largest channel.
@@ -232,12 +247,11 @@ impl<'s> Layer<'s> {
         (area, each.map(|(r, a)| r.max() * a / area).sum())
     }
 
-    /// The largest error that interpolation makes in the triangle around a point of a sheet, estimated, of the luminance
-    /// [W/m²].
+    /// The error that interpolation makes around a point of a sheet, estimated, of the luminance [W/m²]: the largest of the
+    /// triangle there and all that touch it.
     pub fn interpolation_error_at(&self, sheet: usize, site: &ChartPoint) -> f64 {
-        let (patch, _) = self.locate(sheet, site);
-        let corners = self.patches[patch as usize].vertices;
-        corners.iter().map(|v| self.error[*v as usize].interpolation).fold(0.0, f64::max)
+        let corners = self.patches[self.locate(sheet, site).0 as usize].vertices;
+        corners.iter().map(|v| self.roughness[*v as usize]).fold(0.0, f64::max)
     }
 
     /// Makes flux that of quadratic interpolation: areas of vertices, and what patches send.
@@ -289,6 +303,39 @@ impl<'s> Layer<'s> {
             }
         }
         self.pieces = pieces;
+    }
+
+    /// Estimates what quadratic interpolation is wrong by, for the irradiance as it is now: no less than `known` by sheet
+    /// and triangle.
+    pub(super) fn estimate_interpolation(&mut self, known: &[HashMap<u32, f64>]) {
+        let mut by_patch = Vec::with_capacity(self.patches.len());
+        for (sheet, mesh) in self.meshes.iter().enumerate() {
+            let first = self.first_vertex[sheet];
+            let value = |v: u32| self.irradiance[(first + v) as usize].luminance();
+            let errors: HashMap<u32, f64> = mesh.quadratic_errors(&value).into_iter().collect();
+            by_patch.extend(self.locators[sheet].triangles().iter().map(|t| {
+                let least = known.get(sheet).and_then(|known| known.get(t)).copied().unwrap_or(0.0);
+                errors.get(t).copied().unwrap_or(0.0).max(least)
+            }));
+        }
+        self.set_interpolation(by_patch);
+    }
+
+    /// What interpolation is wrong by, by patch [W/m²].
+    pub(super) fn interpolation(&self) -> &[f64] {
+        &self.interpolation
+    }
+
+    /// Keeps what was estimated of that.
+    pub(super) fn set_interpolation(&mut self, by_patch: Vec<f64>) {
+        self.roughness = vec![0.0; self.irradiance.len()];
+        for (patch, error) in self.patches.iter().zip(&by_patch) {
+            for v in patch.vertices {
+                let roughness = &mut self.roughness[v as usize];
+                *roughness = roughness.max(*error);
+            }
+        }
+        self.interpolation = by_patch;
     }
 
     /// What the quadratic part of the interpolation adds to a patch's irradiance, in the mean [W/m²].

@@ -523,6 +523,7 @@ impl<'s> Solver<'s> {
     /// Makes the solution ready to be read: its interpolation quadratic, its errors those of all that lights it. To be
     /// called after the last step.
     pub fn finish(&mut self) {
+        self.solution.indirect_mut().estimate_interpolation(&[]);
         propagation::pass_on(&mut self.solution.layers, &self.sources);
         self.solution.indirect_mut().bend();
     }

@@ -20,10 +20,11 @@ const MOST_ROUNDS: usize = 50;
 fn received(layer: &Layer<'_>, source: &Source, sheet: usize, vertices: usize) -> Vec<f64> {
     let mut received = vec![0.0; vertices];
     for patch in layer.patches_of(sheet) {
-        let errors = layer.patches[patch].vertices.map(|v| {
-            let v = v as usize;
+        let errors = [0, 1, 2].map(|c| {
+            let v = layer.patches[patch].vertices[c] as usize;
+            let alone = [0, 1, 2].map(|k| f64::from(u8::from(k == c)));
             // The colour of an error is not known: that which passes best.
-            layer.error[v].sum() * layer.reflectance[v].max()
+            layer.error_in(patch, alone) * layer.reflectance[v].max()
         });
         if errors == [0.0; 3] {
             continue;

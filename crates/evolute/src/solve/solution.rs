@@ -122,6 +122,12 @@ impl<'s> Solution<'s> {
         (direct + specular + indirect) * leaf.reflectance
     }
 
+    /// Estimated error of the luminance of all irradiance at a point of a sheet [W/m²]: the sum of the components', since
+    /// where one of them ends another often begins.
+    pub fn error_at(&self, sheet: usize, site: &ChartPoint) -> f64 {
+        self.layers.iter().map(|l| l.error_at(sheet, site)).sum()
+    }
+
     /// Luminance of the irradiance that gathered light is uncertain by because the light on the meshes is [W/m²]: the
     /// estimated errors of all components where links come from, reflected as the light is; added up without regard to
     /// sign over each sheet, and by their squares over sheets (`propagation.rs`).
@@ -129,7 +135,7 @@ impl<'s> Solution<'s> {
         let mut sums = vec![0.0; self.sheets.len()];
         for link in &row.links {
             let Some(sheet) = self.sheet_of(link.shape, link.front) else { continue };
-            let error: f64 = self.layers.iter().map(|l| l.error_at(sheet, &link.site)).sum();
+            let error = self.error_at(sheet, &link.site);
             // The colour of an error is not known: that which passes best.
             sums[sheet] += (link.weight * self.sheets[sheet].reflectance).max() * error;
         }
@@ -143,9 +149,8 @@ impl<'s> Solution<'s> {
         let (mut light, mut error, mut area, mut met) = (0.0, 0.0, 0.0, 0.0);
         for ((sheet, v), a) in finest.vertices().zip(&finest.area) {
             let site = finest.meshes()[sheet].vertices()[v as usize].site;
-            let sum = |of: &dyn Fn(&Layer<'s>) -> f64| self.layers.iter().map(of).sum::<f64>();
-            let here = sum(&|l| l.at(sheet, &site).luminance());
-            let off = sum(&|l| l.error_at(sheet, &site));
+            let here: f64 = self.layers.iter().map(|l| l.at(sheet, &site).luminance()).sum();
+            let off = self.error_at(sheet, &site);
             let a = a.max(0.0);
             light += here * a;
             error += off * a;

@@ -289,11 +289,12 @@ fn cubic_roots(c: &[f64; 4]) -> ArrayVec<f64, 3> {
             }
             let next = t - f / cubic_derivative(c, t);
             let next = if next > low && next < high { next } else { 0.5 * (low + high) };
-            if (next - t).abs() <= 1e-15 {
-                t = next;
+            let step = (next - t).abs();
+            t = next;
+            // A step of 1e-8 is followed by one of its square.
+            if step <= 1e-8 {
                 break;
             }
-            t = next;
         }
         if t > 0.0 && t < 1.0 && !roots.is_full() {
             roots.push(t);

@@ -33,8 +33,7 @@ fn deviations(solver: &Solver<'_>, exitance: f64, reflectance: f64) -> Vec<(f64,
                 let off = (exitance + reflectance * received) / expected - 1.0;
                 let parts = light.map(|e| e.luminance() / exitance);
                 let at = vertex.position;
-                let layers = Component::ALL.iter().map(|c| solution.layer(*c));
-                let estimate: f64 = layers.map(|l| l.error_at(sheet, &vertex.site)).sum();
+                let estimate = solution.error_at(sheet, &vertex.site);
                 let is_within = (off * expected).abs() <= reflectance * estimate;
                 all.push((off, is_within, format!("{own:?} vertex at {at:.4}: {parts:.4?} of M")));
             }

@@ -68,7 +68,7 @@ mod tests {
     /// for again.
     #[test]
     fn cones_of_a_tube() {
-        let f = |text: &str| Formula::parse(text, &["s", "t"]).unwrap();
+        let f = |text: &str| Formula::parse(text, &["s", "t"], &[]).unwrap();
         let tube = Parametric::new(
             f("cos(2*pi*s)"),
             f("sin(2*pi*s)"),
