@@ -1,6 +1,7 @@
 //! Cones of normals over the dyadic cells of the parameters, each computed once.
 
 use std::f64::consts::PI;
+use std::fmt;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -13,8 +14,16 @@ const LAST_KEPT: u32 = 7;
 
 /// Half openings of the cells' cones, those that were asked for. They are functions of the surface alone, so that it
 /// does not matter who computed them, and when.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Cones([OnceLock<Box<[AtomicU64]>>; LAST_KEPT as usize + 1]);
+
+/// What is kept is no property of the surface: a surface is the same one, and is written as the same (solution files know
+/// their scenes by that), whatever it was asked for.
+impl fmt::Debug for Cones {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Cones")
+    }
+}
 
 /// Bits of no opening: a NaN.
 const UNKNOWN: u64 = u64::MAX;
@@ -77,6 +86,7 @@ mod tests {
             false,
         )
         .unwrap();
+        let written = format!("{tube:?}");
         for level in 0..=LAST_KEPT + 2 {
             let last = (1u32 << level) - 1;
             let turn = 2.0 * PI / f64::from(1u32 << level);
@@ -87,5 +97,6 @@ mod tests {
                 assert!(level < 3 || cone < 1.5 * turn, "{level} {i}: {cone}");
             }
         }
+        assert_eq!(format!("{tube:?}"), written);
     }
 }
