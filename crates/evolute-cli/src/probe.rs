@@ -103,7 +103,8 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         tracer: &tracer,
         transfer,
         common,
-        deadline: &deadline,
+        // What lamps send is computed even if there is no time for the rest.
+        deadline: &deadline.half(),
         progress: &progress,
     };
     let outcome = if is_indirect { Some(job.outcome(file, summary)?) } else { None };
@@ -119,7 +120,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             if stop() {
                 return None;
             }
-            let light = probe.light(receiver, &stop);
+            let light = probe.light(&receiver.settled(&tracer), &stop);
             progress.step();
             Some(light)
         })
@@ -171,6 +172,16 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             &format!(
                 "{unmet} of {done} receivers did not reach their tolerance; column error says what \
                  they reached"
+            ),
+        );
+    }
+    let at_edges = points.receivers.iter().filter(|r| r.is_at_edge(&tracer)).count();
+    if at_edges > 0 {
+        session::note(
+            common,
+            &format!(
+                "{at_edges} receivers lie on lines where surfaces meet: the light of one of them, and what is beyond it, \
+                 counts as dark there; move them off by a millimetre"
             ),
         );
     }

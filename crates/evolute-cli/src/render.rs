@@ -121,7 +121,8 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         tracer: &tracer,
         transfer,
         common,
-        deadline: &deadline,
+        // What lamps send is to be seen even if there is no time for the rest.
+        deadline: &deadline.half(),
         progress: &progress,
     };
     let file = arguments.solution.as_deref();
@@ -137,7 +138,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         &control,
     );
     drop(progress);
-    let picture = picture.ok_or(Failure::Interrupted)?;
+    let picture = picture.filter(|_| !session::interrupted()).ok_or(Failure::Interrupted)?;
     let seconds = summary.lap("compute");
     summary.counts(picture.receivers, &picture.counts);
     summary.set("receivers_unmet", picture.unmet);

@@ -65,6 +65,12 @@ impl Deadline {
         Self(common.max_time.and_then(|t| Instant::now().checked_add(t)))
     }
 
+    /// The middle between now and then: for what others have to wait for.
+    pub fn half(&self) -> Self {
+        let now = Instant::now();
+        Self(self.0.map(|end| now + end.saturating_duration_since(now) / 2))
+    }
+
     /// Whether time is up.
     pub fn passed(&self) -> bool {
         self.0.is_some_and(|end| Instant::now() >= end)

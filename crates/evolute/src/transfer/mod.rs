@@ -25,6 +25,7 @@ mod landing;
 mod left;
 mod look;
 mod part;
+mod placement;
 mod polynomial;
 mod quadrature;
 mod scout;

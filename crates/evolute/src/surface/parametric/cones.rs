@@ -69,6 +69,7 @@ impl Parametric {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::formula::Formula;
     use crate::geometry::Transform;
