@@ -11,7 +11,7 @@ use crate::geometry::Rgb;
 use crate::optics::Dual;
 
 /// Share of the tolerance that one cell's curves may be straightened for.
-const CUT_SHARE: f64 = 3e-3;
+const CUT_SHARE: f64 = 1e-3;
 /// Share of a cell to which its lit part is known for its centroid to be found.
 const CENTROID_ACCURACY: f64 = 1e-4;
 /// A cell is dark when an edge function is negative by this share of how far its polynomial bends.
@@ -28,7 +28,7 @@ const LEFT_AFTER_BUMP: f64 = 0.5;
 const STEEP_SHARE: f64 = 0.25;
 /// A cell whose edges, shifted, sweep less than this share of the tolerance needs no closer look: a
 /// few dozen such cells are still well within it.
-const NEGLIGIBLE_SHIFT: f64 = 4e-3;
+const NEGLIGIBLE_SHIFT: f64 = 2e-3;
 
 /// Samples at (0,0), (1,0), (0,1), (1,1); `None` where the chain does not exist.
 pub type Corners<'a> = [Option<&'a FieldSample>; 4];
