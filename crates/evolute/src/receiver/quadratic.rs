@@ -110,9 +110,8 @@ impl TriangleMesh<'_> {
     /// what the two triangles of an edge differ by in what they say of its middle, for the edge where that is most. (It is of
     /// third order, like the error, and for third derivatives a few times that.) Where it is not small beside the error
     /// of linear interpolation, that one counts: there a function is not smooth; nor is it, often, where triangles end and
-    /// not all three are known. It is no more than values
-    /// around are apart, which beside flat triangles planes are not, and no less than in triangles around, since third
-    /// differences may vanish by chance.
+    /// not all three are known. It is no more than values around are apart, as beside flat triangles planes run off to
+    /// anything, and no less than in triangles around, since third differences may vanish by chance.
     pub fn quadratic_errors(&self, value: &dyn Fn(u32) -> f64) -> Vec<(u32, f64)> {
         let own = self.second_derivatives();
         let at = |v: u32| self.vertices()[v as usize].position;

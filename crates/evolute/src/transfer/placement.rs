@@ -56,19 +56,20 @@ mod tests {
         let scene = load_str("tilted", SCENE, &[]).unwrap().scene;
         let tracer = Tracer::new(&scene);
         let (sin, cos) = (math::sin(20f64.to_radians()), math::cos(20f64.to_radians()));
-        let normal = UnitVector3::new_normalize(Vector3::new(0.0, -sin, cos));
+        let front = Vector3::new(0.0, -sin, cos);
+        let normal = UnitVector3::new_normalize(front);
         for k in 0..9 {
             let b = 0.1 * f64::from(k) - 0.4;
             let exact = Point3::new(0.3, b * cos, b * sin);
             for behind in [0.0, 1e-13, 1e-9, 1e-6] {
-                let receiver = Receiver { position: exact - normal.into_inner() * behind, normal };
+                let receiver = Receiver { position: exact - front * behind, normal };
                 let settled = receiver.settled(&tracer);
                 assert!((settled.position - exact).norm() < 1e-12, "{b} {behind}");
                 assert!(!settled.is_at_edge(&tracer));
             }
             // In front, well behind, or facing elsewhere it stays where it is.
             for (off, normal) in [(1e-6, normal), (-1e-3, normal), (-1e-9, Vector3::x_axis())] {
-                let position = exact + receiver_normal(sin, cos) * off;
+                let position = exact + front * off;
                 let receiver = Receiver { position, normal };
                 assert_eq!(receiver.settled(&tracer), receiver);
             }
@@ -77,9 +78,5 @@ mod tests {
             |x: f64| Receiver { position: Point3::new(x, 0.2, -2.0), normal: Vector3::z_axis() };
         assert!(level(-1.0).is_at_edge(&tracer));
         assert!(!level(-0.999).is_at_edge(&tracer));
-    }
-
-    fn receiver_normal(sin: f64, cos: f64) -> Vector3 {
-        Vector3::new(0.0, -sin, cos)
     }
 }
