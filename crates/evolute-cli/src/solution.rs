@@ -204,6 +204,23 @@ pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) {
     );
 }
 
+/// Says so if the light on surfaces is not known as well as was asked for, though no limit of the user's stopped the run.
+pub fn note_accuracy(outcome: &Outcome<'_>, common: &Common) {
+    let transfer = &outcome.settings.transfer;
+    let accuracy = outcome.solution.accuracy(transfer.relative, transfer.absolute);
+    if outcome.is_complete && accuracy.mean > transfer.relative {
+        session::note(
+            common,
+            &format!(
+                "the light on surfaces is known to {:.2} % in the mean, as far as it can be estimated: not to the {} % \
+                 of --accuracy; a smaller one brings it down",
+                100.0 * accuracy.mean,
+                100.0 * transfer.relative
+            ),
+        );
+    }
+}
+
 /// Why a result is less than was asked for, if it is the solution's fault, and what may be done.
 pub fn shortfall(outcome: &Outcome<'_>, file: Option<&Path>) -> Option<String> {
     if outcome.is_complete {

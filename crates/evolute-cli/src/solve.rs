@@ -88,6 +88,7 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
     };
     if let Some(outcome) = &outcome {
         solution::tell(outcome, common, summary);
+        solution::note_accuracy(outcome, common);
     }
     let is_complete = outcome.as_ref().is_some_and(|o| o.is_complete);
     let kept = (!is_complete).then_some(&checkpoint);

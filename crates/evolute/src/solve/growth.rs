@@ -37,7 +37,8 @@ pub(super) struct Growth<'s, L> {
 pub(super) struct Rule<'r> {
     /// What is computed, for people who wait for it.
     pub stage: &'static str,
-    /// Flux that interpolation may be wrong by, given the flux that the meshes receive, luminances [W].
+    /// Flux that interpolation may be wrong by, summed without regard to sign, given the flux that the meshes receive,
+    /// luminances [W].
     pub allowed: &'r dyn Fn(f64) -> f64,
     /// No edge becomes shorter than this [m].
     pub shortest: f64,
@@ -56,6 +57,19 @@ const COARSE: f64 = 0.5;
 
 /// Each round cuts the worst triangles that have this part of the error.
 const EACH_ROUND: f64 = 0.5;
+
+/// What is too much may be so in triangles that are as small as they may be. Then it is enough if others have this part of
+/// what is allowed: to refine them for what they have not would have no end.
+const MENDED: f64 = 0.5;
+
+/// What interpolation over a triangle is wrong by, in the mean [W/m²].
+struct InterpolationError {
+    triangle: u32,
+    /// Of what is read off.
+    quadratic: f64,
+    /// If nothing were known of second derivatives: what they say may be chance where triangles are large.
+    linear: f64,
+}
 
 impl<'s, L: Send> Growth<'s, L> {
     /// The first meshes of all sheets, not lit yet, with seams where things stand on them.
@@ -83,13 +97,6 @@ impl<L: Light + Default> Growth<'_, L> {
         self.mesh.triangles().map(of).sum()
     }
 
-    /// Irradiance that linear interpolation over a triangle is wrong by in the mean, roughly and without sign
-    /// [W/m²].
-    pub fn interpolation_error(&self, triangle: u32) -> f64 {
-        let errors = self.mesh.linear_errors(triangle, &|v| self.luminance(v));
-        errors.into_iter().flatten().fold(0.0, f64::max)
-    }
-
     /// By triangle that light landed in: irradiance of that, in the mean, beyond what the corners let expect, either
     /// way, and what the number of rays lets be chance [W/m²].
     pub fn surprises(&self) -> HashMap<u32, f64> {
@@ -109,14 +116,21 @@ impl<L: Light + Default> Growth<'_, L> {
         sums.into_iter().map(surprise).collect()
     }
 
-    /// Errors of [`Self::interpolation_error`], or more where rays from the lamps say so, by triangle.
-    fn errors(&self) -> Vec<(u32, f64)> {
+    /// Irradiance that interpolation over triangles is wrong by, roughly and without sign [W/m²], or more where rays
+    /// from the lamps say so.
+    fn errors(&self) -> Vec<InterpolationError> {
         let surprises = self.surprises();
-        let error = |t| {
-            let surprise = surprises.get(&t).copied().unwrap_or(0.0);
-            (t, self.interpolation_error(t).max(surprise))
+        let value = |v| self.luminance(v);
+        let of = |(triangle, quadratic): (u32, f64)| {
+            let linear = self.mesh.linear_errors(triangle, &value).into_iter().flatten();
+            let surprise = surprises.get(&triangle).copied().unwrap_or(0.0);
+            InterpolationError {
+                triangle,
+                quadratic: quadratic.max(surprise),
+                linear: linear.fold(surprise, f64::max),
+            }
         };
-        self.mesh.triangles().map(error).collect()
+        self.mesh.quadratic_errors(&value).into_iter().map(of).collect()
     }
 
     /// By vertex: the error of its own light.
@@ -126,10 +140,10 @@ impl<L: Light + Default> Growth<'_, L> {
 }
 
 /// Computes light at all vertices, and cuts triangles: all where the light itself is not known well enough, and
-/// the worst first until the flux that linear interpolation is wrong by, summed without regard to sign, is what
-/// the rule allows. `compute` (sheet, mesh, vertex) is `None`
-/// once there is no time left; whether there was. What is `known` is taken, and not computed.
-pub(super) fn grow<'s, L: Light + Default>(
+/// the worst first until the flux that the interpolation which is read off is wrong by is what the rule allows: by the
+/// same estimate as the solution's. `compute` (sheet, mesh, vertex) is `None` once there is no time left; whether there
+/// was. What is `known` is taken, and not computed.
+pub(super) fn grow<'s, L: Light + Default + Sync>(
     job: &Job<'_, 's>,
     growths: &mut [Growth<'s, L>],
     rule: &Rule<'_>,
@@ -147,26 +161,30 @@ pub(super) fn grow<'s, L: Light + Default>(
         let received: f64 = growths.iter().map(Growth::received).sum();
         let mut errors: Vec<(f64, usize, u32)> = Vec::new();
         let mut coarse: Vec<(usize, u32)> = Vec::new();
-        for (i, g) in growths.iter().enumerate() {
-            for (t, error) in g.errors() {
-                errors.push((error * g.mesh.weights(t).iter().sum::<f64>(), i, t));
+        let estimates: Vec<_> = growths.par_iter().map(Growth::errors).collect();
+        for (i, (g, estimates)) in growths.iter().zip(estimates).enumerate() {
+            for InterpolationError { triangle: t, quadratic, linear } in estimates {
+                errors.push((quadratic * g.mesh.weights(t).iter().sum::<f64>(), i, t));
                 let in_all = |v: &u32| g.light.get(*v as usize).map_or(0.0, Light::in_all);
                 let light = g.mesh.corners(t).iter().map(in_all).sum::<f64>() / 3.0;
-                if error > (rule.allowed_here)(light) && g.mesh.longest_edge(t).1 >= 2.0 * rule.fine
+                if linear > (rule.allowed_here)(light)
+                    && g.mesh.longest_edge(t).1 >= 2.0 * rule.fine
                 {
                     coarse.push((i, t));
                 }
             }
         }
         let sum: f64 = errors.iter().map(|e| e.0).sum();
+        errors.retain(|&(_, i, t)| growths[i].mesh.longest_edge(t).1 >= 2.0 * rule.shortest);
+        errors.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let mendable: f64 = errors.iter().map(|e| e.0).sum();
+        let allowed = (rule.allowed)(received);
         let vertices = count(growths);
-        let enough = sum <= (rule.allowed)(received);
+        let enough = sum <= allowed || mendable <= MENDED * allowed;
         if (enough && coarse.is_empty()) || vertices >= rule.max_vertices {
             return true;
         }
-        errors.retain(|&(_, i, t)| growths[i].mesh.longest_edge(t).1 >= 2.0 * rule.shortest);
-        errors.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let mut left = if enough { 0.0 } else { EACH_ROUND * sum };
+        let mut left = if enough { 0.0 } else { EACH_ROUND * mendable };
         for &(error, i, t) in &errors {
             if left <= 0.0 || error <= 0.0 {
                 break;

@@ -18,43 +18,45 @@ use crate::transfer::{
     Components, HemisphereSettings, Order, Receiver, Shining, Transfer, TransferSettings, gather,
 };
 
-/// How finely one part of the lamps' light is followed.
+/// How finely one part of the lamps' light is followed. All errors together are to be within the accuracy in the mean, at
+/// the least cost: direct light costs little, reflected light most.
 struct Fineness {
     stage: &'static str,
     components: Components,
     /// What is computed may be wrong by that much, in units of the accuracy.
     own: f64,
-    /// Part of the flux received that linear interpolation may be wrong by, in units of the accuracy: the sum without
-    /// regard to sign,
+    /// Part of all flux that interpolation may be wrong by, in units of the accuracy: the sum without regard to sign,
     flux: f64,
-    /// and edges down to which that counts, as a part of the first ones. Beside edges of light too much here makes up for
-    /// too little there.
+    /// and edges down to which that counts, as a part of the first ones.
     shortest: f64,
-    /// Part of the light at a place that interpolation may be wrong by, in units of the accuracy,
+    /// Part of the light at a place that linear interpolation may be wrong by, in units of the accuracy,
     local: f64,
     /// and edges down to which that counts: light of lamps may end anywhere.
     fine: f64,
+    /// Vertices at which it ends, in units of those of reflected light, of which each takes a hundred times as much.
+    most: usize,
 }
 
-/// Direct light costs little.
 const DIRECT: Fineness = Fineness {
     stage: "direct light",
     components: Components { direct: true, specular: false },
     own: 0.25,
-    flux: 0.25,
-    shortest: 0.125,
+    flux: 0.12,
+    shortest: 1.0 / 64.0,
     local: 0.5,
     fine: 0.125,
+    most: 5,
 };
 
 const SPECULAR: Fineness = Fineness {
     stage: "specular light",
     components: Components { direct: false, specular: true },
-    own: 1.0,
-    flux: 0.25,
+    own: 0.35,
+    flux: 0.15,
     shortest: super::SHORTEST,
     local: 2.0,
     fine: 0.25,
+    most: 1,
 };
 
 /// One part of the lamps' light at a vertex.
@@ -129,15 +131,16 @@ fn illuminate<'s>(
     let own = fineness.own * relative;
     let transfer =
         Transfer::new(scene, tracer, TransferSettings { relative: own, ..settings.transfer });
-    let surfaces = sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
-    let ambient = ambient(scene.emitted_flux(), surfaces).luminance();
+    let surfaces = || sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
+    let ambient = ambient(scene.emitted_flux(), surfaces()).luminance();
+    let others = flux + ambient * surfaces().map(|(area, _)| area).sum::<f64>();
     let rule = Rule {
         stage: fineness.stage,
-        allowed: &|received| fineness.flux * relative * (received + flux),
+        allowed: &|received| fineness.flux * relative * (received + others),
         shortest: fineness.shortest * edge,
         allowed_here: &|light| fineness.local * relative * light,
         fine: fineness.fine * edge,
-        max_vertices: settings.max_vertices,
+        max_vertices: fineness.most.saturating_mul(settings.max_vertices),
     };
     let stop = || (control.order)() != Order::Go;
     let whole = grow(job, &mut growths, &rule, known, &|sheet, mesh, vertex| {

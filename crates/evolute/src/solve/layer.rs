@@ -62,8 +62,9 @@ pub struct Layer<'s> {
     middles: Vec<[Stencil; 3]>,
     /// By patch: what the quadratic part adds in the mean, as weights of vertices numbered through all sheets.
     offsets: Vec<Stencil>,
-    /// By patch: what is read off; empty until known.
+    /// By patch: what is read off, and what the quadratic part comes to in the mean [W/m²]; empty until known.
     pieces: Vec<Piece>,
+    known_offsets: Vec<Rgb>,
 }
 
 /// The irradiance on a patch as it is read off, in single precision: much of a run is spent with that, and memory is
@@ -132,6 +133,7 @@ impl<'s> Layer<'s> {
             middles: Vec::new(),
             offsets: Vec::new(),
             pieces: Vec::new(),
+            known_offsets: Vec::new(),
             meshes,
         };
         for ((sheet, mesh), locator) in sheets.iter().zip(&layer.meshes).zip(&layer.locators) {
@@ -303,6 +305,7 @@ impl<'s> Layer<'s> {
             }
         }
         self.pieces = pieces;
+        self.known_offsets = (0..self.patches.len()).map(|p| self.offset_now(p)).collect();
     }
 
     /// Estimates what quadratic interpolation is wrong by, for the irradiance as it is now: no less than `known` by sheet
@@ -340,6 +343,10 @@ impl<'s> Layer<'s> {
 
     /// What the quadratic part of the interpolation adds to a patch's irradiance, in the mean [W/m²].
     fn offset(&self, patch: usize) -> Rgb {
+        self.known_offsets.get(patch).copied().unwrap_or_else(|| self.offset_now(patch))
+    }
+
+    fn offset_now(&self, patch: usize) -> Rgb {
         let each = self.offsets[patch].iter();
         each.fold(Rgb::BLACK, |sum, (v, w)| sum + self.irradiance[*v as usize] * *w)
     }
@@ -355,6 +362,7 @@ impl<'s> Layer<'s> {
     /// A vertex receives more [W/m²]; what it receives of flux, and keeps [W].
     pub(super) fn receive(&mut self, vertex: usize, light: Rgb) -> (Rgb, Rgb) {
         self.pieces.clear();
+        self.known_offsets.clear();
         self.irradiance[vertex] += light;
         let flux = light * self.area[vertex];
         (flux, flux - flux * self.reflectance[vertex])

@@ -76,7 +76,8 @@ pub struct SolverSettings {
     pub scheme: Scheme,
     /// Length of the first triangles' edges [m]; found from the scene if not given.
     pub edge: Option<f64>,
-    /// Vertices at which meshes are no longer refined.
+    /// Vertices of reflected light at which its meshes are no longer refined, and those of specular light; of direct
+    /// light, five times as many.
     pub max_vertices: usize,
 }
 

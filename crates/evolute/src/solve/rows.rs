@@ -14,10 +14,10 @@ use crate::transfer::{HemisphereSettings, Shining, gather};
 /// Part of the tolerance that is for the cubature of reflected light.
 const GATHERING: f64 = 0.45;
 
-/// Part of all flux that linear interpolation may be wrong by, in units of the accuracy.
+/// Part of all flux that interpolation may be wrong by, in units of the accuracy.
 const INTERPOLATION: f64 = 0.25;
 
-/// The same of reflected light at a place.
+/// Part of the light at a place that linear interpolation may be wrong by.
 const LOCAL: f64 = 1.0;
 
 /// Edges down to which that counts, as a part of the first ones.

@@ -145,18 +145,19 @@ impl<'s> Solution<'s> {
     /// What is estimated of the accuracy of the light on all sheets, where `relative` of the light or `absolute` [W/m²] was
     /// asked for.
     pub fn accuracy(&self, relative: f64, absolute: f64) -> Accuracy {
-        let finest = &self.layers[0];
         let (mut light, mut error, mut area, mut met) = (0.0, 0.0, 0.0, 0.0);
-        for ((sheet, v), a) in finest.vertices().zip(&finest.area) {
-            let site = finest.meshes()[sheet].vertices()[v as usize].site;
-            let here: f64 = self.layers.iter().map(|l| l.at(sheet, &site).luminance()).sum();
-            let off = self.error_at(sheet, &site);
-            let a = a.max(0.0);
-            light += here * a;
-            error += off * a;
-            area += a;
-            if off <= (relative * here).max(absolute) {
-                met += a;
+        for (sheet, mesh) in self.layers[0].meshes().iter().enumerate() {
+            for t in mesh.triangles() {
+                let site = mesh.at(t, [1.0 / 3.0; 3]);
+                let here: f64 = self.layers.iter().map(|l| l.at(sheet, &site).luminance()).sum();
+                let off = self.error_at(sheet, &site);
+                let a: f64 = mesh.weights(t).iter().sum();
+                light += here * a;
+                error += off * a;
+                area += a;
+                if off <= (relative * here).max(absolute) {
+                    met += a;
+                }
             }
         }
         let part = |x: f64, of: f64| if of > 0.0 { x / of } else { 0.0 };

@@ -4,8 +4,6 @@
 //! that is what a shot of a triangle needs (Yu & Wu, 3.2). Straight links and those by specular chains are
 //! kept apart, for diffuse and specular iterations.
 
-use std::ops::AddAssign;
-
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Rgb;
@@ -99,11 +97,11 @@ pub struct BySpecular {
     pub weights: [[f32; 3]; 3],
 }
 
-/// A row by the patches of one layer.
+/// A row by the patches of one layer, by corner, in single precision as the links are.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BoundRow {
-    pub(super) straight: Vec<(Patch, [f64; 3])>,
-    pub(super) specular: Vec<(Patch, [Rgb; 3])>,
+    straight: Vec<(Patch, [f32; 3])>,
+    specular: Vec<(Patch, [[f32; 3]; 3])>,
 }
 
 impl BoundRow {
@@ -111,28 +109,38 @@ impl BoundRow {
     pub fn new(row: &StoredRow, locate: &Locate<'_>) -> Self {
         let straight = row.straight.iter().map(|link| {
             let (patch, corners) = locate(link.sheet as usize, &link.site());
-            (patch, corners.map(|c| c * f64::from(link.weight)))
+            (patch, corners.map(|c| c as f32 * link.weight))
         });
         let specular = row.specular.iter().map(|link| {
             let (patch, corners) = locate(link.sheet as usize, &link.site());
-            (patch, corners.map(|c| Rgb(link.weight.map(f64::from)) * c))
+            (patch, corners.map(|c| link.weight.map(|w| w * c as f32)))
         });
-        Self { straight: merged(straight.collect()), specular: merged(specular.collect()) }
+        let add = |sum: &mut [f32; 3], w: [f32; 3]| {
+            sum.iter_mut().zip(w).for_each(|(sum, w)| *sum += w);
+        };
+        Self {
+            straight: merged(straight.collect(), &add),
+            specular: merged(specular.collect(), &|sum, w| {
+                sum.iter_mut().zip(w).for_each(|(sum, w)| add(sum, w));
+            }),
+        }
     }
 }
 
 /// Entries in the order of their patches, those of the same patch added up.
-fn merged<W: Copy + AddAssign>(mut entries: Vec<(Patch, [W; 3])>) -> Vec<(Patch, [W; 3])> {
+fn merged<W: Copy>(mut entries: Vec<(Patch, W)>, add: &dyn Fn(&mut W, W)) -> Vec<(Patch, W)> {
     entries.sort_by_key(|e| e.0);
     entries.dedup_by(|next, kept| {
         let same = next.0 == kept.0;
         if same {
-            kept.1.iter_mut().zip(next.1).for_each(|(sum, w)| *sum += w);
+            add(&mut kept.1, next.1);
         }
         same
     });
+    entries.shrink_to_fit();
     entries
 }
+
 /// Where the flux of a vertex goes, as fractions: straight, and to specular surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fate {
@@ -220,15 +228,12 @@ impl Transport {
     /// Turns the rows of all vertices round.
     pub fn new(patches: usize, rows: &[BoundRow], fates: Vec<Fate>) -> Self {
         let straight = Columns::new(patches, rows, |vertex, row| {
-            row.straight.iter().map(move |(patch, weights)| {
-                (*patch, Straight { vertex, weights: weights.map(|w| w as f32) })
-            })
+            let each = row.straight.iter();
+            each.map(move |&(patch, weights)| (patch, Straight { vertex, weights }))
         });
         let specular = Columns::new(patches, rows, |vertex, row| {
-            row.specular.iter().map(move |(patch, weights)| {
-                let weights = weights.map(|w| w.0.map(|x| x as f32));
-                (*patch, BySpecular { vertex, weights })
-            })
+            let each = row.specular.iter();
+            each.map(move |&(patch, weights)| (patch, BySpecular { vertex, weights }))
         });
         Self { straight, specular, fates }
     }

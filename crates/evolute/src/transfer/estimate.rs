@@ -196,7 +196,8 @@ impl Quadrature<'_, '_> {
         let ceiling = self.ceiling(place);
         let corners: Corners<'_> = numbers.map(|k| self.samples[k].as_ref());
         let centre = self.sampled(term, place.at(0.5, 0.5));
-        let interpolant = Interpolant::new(&corners, centre, edges, guessed, h, light, ceiling)?;
+        let mut interpolant =
+            Interpolant::new(&corners, centre, edges, guessed, h, light, ceiling)?;
         if middle == Sight::Off && sights.iter().all(|s| *s == Sight::Off) {
             let doubtful = torn && level < first + GUESSED_LEVELS;
             // Between two walls that touch a lamp that is seen directly is hidden as far as samples tell.
@@ -215,7 +216,7 @@ impl Quadrature<'_, '_> {
         let legal = corners.iter().chain([&centre]).flatten().any(|s| s.legal);
         let nothing = ROUNDING * interpolant.most();
         let sights = (sights, middle, hidden, torn);
-        let estimate = self.with_sights(place, interpolant, sights, tolerance)?;
+        let estimate = self.with_sights(place, &mut interpolant, sights, tolerance)?;
         let worth = estimate.integral.luminance().abs() + estimate.error;
         if missing && (!guessed || !legal) && worth <= nothing && !estimate.divide {
             // The polynomials, extrapolated, leave nothing of the lamp in the cell.

@@ -11,7 +11,7 @@ use super::lamp::{Lamp, MAX_LAMP_EDGES};
 use super::settings::{Counts, Receiver};
 use super::shaft::{Body, Shaft};
 use super::word::{WordId, Words};
-use crate::geometry::{Point3, Ray, Vector3};
+use crate::geometry::{Aabb, Point3, Ray, Vector3};
 use crate::optics::Dual;
 use crate::scene::{Scene, ShapeId};
 use crate::surface::Surface;
@@ -75,7 +75,7 @@ pub struct DirectField<'s> {
     receiver: Receiver,
     contacts: ArrayVec<Anchor, 8>,
     tracer: &'s Tracer<'s>,
-    /// What may hide parts of a flat lamp; `None` if that is not known.
+    /// What may hide parts of a flat lamp; `None` if that is much, or not known.
     suspects: Option<Vec<(ShapeId, u32)>>,
 }
 
@@ -92,11 +92,10 @@ impl<'s> DirectField<'s> {
         Self { domain, shape, receiver, contacts, tracer, suspects }
     }
 
-    /// Whether some suspect that is not among the `known` may hide a part of the cell [a, a+h] × [b, b+h]
+    /// Whether something that is not among the `known` may hide a part of the cell [a, a+h] × [b, b+h]
     /// that samples did not see. Bodies known only by their boxes count on the first divisions alone, since a box that
     /// reaches in may do so for ever.
     pub fn may_hide(&self, (a, b): (f64, f64), h: f64, divisions: u32, known: &[ShapeId]) -> bool {
-        let Some(suspects) = &self.suspects else { return false };
         let corners: ArrayVec<Point3, 4> = [(a, b), (a + h, b), (a + h, b + h), (a, b + h)]
             .into_iter()
             .filter_map(|(a, b)| Some(Point3::from(self.domain.at(a, b)?.x.v)))
@@ -105,10 +104,24 @@ impl<'s> DirectField<'s> {
             return false;
         }
         let shaft = Shaft::new(&self.receiver.position, &corners);
-        suspects.iter().any(|&(shape, primitive)| {
+        let hides = |shape: ShapeId, primitive: u32| {
             let (body, counts) = Body::of(self.tracer.scene(), shape, primitive);
             !known.contains(&shape) && divisions < counts && !shaft.excludes(&body)
-        })
+        };
+        if let Some(suspects) = &self.suspects {
+            return suspects.iter().any(|&(shape, primitive)| hides(shape, primitive));
+        }
+        let bounds = Aabb::around(corners.iter().copied().chain([self.receiver.position]));
+        let wanted = |shape: ShapeId, _: u32| !known.contains(&shape) && !self.is_end(shape);
+        self.tracer.any_in(&bounds, |b| !shaft.keeps_out(b), wanted, hides)
+    }
+
+    /// Whether a shape is the lamp, of which samples tell how it hides itself, or lies in the receiver's plane.
+    fn is_end(&self, shape: ShapeId) -> bool {
+        let surface = &self.tracer.scene().shape(shape).surface;
+        let flat = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_));
+        let mesh = matches!(surface, Surface::Mesh(_));
+        (shape == self.shape && !mesh) || (flat && self.contacts.iter().any(|c| c.shape == shape))
     }
 
     /// Whether nothing stands between the receiver and the point of the lamp; not known beyond an edge of the field.

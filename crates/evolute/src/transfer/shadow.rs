@@ -38,7 +38,7 @@ impl Quadrature<'_, '_> {
     pub(super) fn with_sights(
         &mut self,
         place: &Place,
-        mut interpolant: Interpolant,
+        interpolant: &mut Interpolant,
         (sights, middle, hidden, torn): ([Sight; 4], Sight, bool, bool),
         tolerance: f64,
     ) -> Result<Estimate, Darkness> {
@@ -52,7 +52,7 @@ impl Quadrature<'_, '_> {
             // None of the five rays is lit; ask where the polynomials say that most light is.
             let (a, b) = interpolant.brightest_point();
             if !self.sees(term, place.at(a, b)) {
-                if hidden && self.is_lit_somewhere(place, &interpolant) {
+                if hidden && self.is_lit_somewhere(place, interpolant) {
                     // Between what is hidden and the outline there is light.
                     let half = interpolant.light.irradiance(integral.map(|v| 0.5 * v));
                     return Ok(Estimate { integral: half, error: whole, divide: false });
@@ -60,8 +60,7 @@ impl Quadrature<'_, '_> {
                 if hidden {
                     let deep = place.cell.level >= self.first[term] + HIDDEN_LEVELS
                         || whole <= WATCHED_SHARE * tolerance;
-                    if self.is_behind_one(place)
-                        || (deep && self.hide_lit_part(place, &interpolant))
+                    if self.is_behind_one(place) || (deep && self.hide_lit_part(place, interpolant))
                     {
                         return Err(Darkness::NoLight);
                     }
@@ -72,7 +71,7 @@ impl Quadrature<'_, '_> {
                 return Ok(Estimate { integral: Rgb::BLACK, error: whole, divide: false });
             }
         }
-        let hiders = self.hiders(place, &interpolant);
+        let hiders = self.hiders(place, interpolant);
         if whole == 0.0 {
             // The lamp is not there; nothing need be asked about what hides it.
         } else if any(Sight::Off) || !hiders.is_empty() {
@@ -91,7 +90,7 @@ impl Quadrature<'_, '_> {
                 Border::Cut(patch, doubt) => {
                     integral = interpolant.behind(*patch, tolerance);
                     error = error.min(whole) + (interpolant.most() * doubt).min(whole);
-                    if watched && !self.is_as_cut(place, &mut interpolant) {
+                    if watched && !self.is_as_cut(place, interpolant) {
                         error = whole;
                     } else if watched && (ends_unseen(shown) || self.may_hide_more(place)) {
                         error = error.max(HIDDEN_SHARE * whole);
@@ -104,7 +103,7 @@ impl Quadrature<'_, '_> {
                 }
             }
         } else if through && whole > WATCHED_SHARE * tolerance {
-            let hidden = self.hidden_share(place, &interpolant);
+            let hidden = self.hidden_share(place, interpolant);
             integral = integral.map(|v| (1.0 - hidden) * v);
             if hidden > 0.0 || self.may_hide_through(place, &[]) {
                 error = error.max(whole * hidden.max(HIDDEN_SHARE));

@@ -95,6 +95,32 @@ fn white_furnace_with_a_slab() {
     assert!(worst < 2e-2 && of_estimate <= 1.0, "{worst} {of_estimate}");
 }
 
+/// From the walls of a glowing room, a dish of many parts is seen edge-on: what it hides is a sliver between samples, and
+/// what it shows instead makes up for it.
+#[test]
+fn white_furnace_behind_a_dish() {
+    let scene = load_file(cases::path("furnace", "room.xml"), &[]).unwrap().scene;
+    let mut rows = Vec::new();
+    for i in 0..12 {
+        for j in 0..6 {
+            let (s, t) = ((f64::from(i) + 0.3) / 12.0, (f64::from(j) + 0.7) / 6.0);
+            rows.push(vec![4.0 * s, 3.0 * t, 0.0, 0.0, 0.0, 1.0]);
+            rows.push(vec![4.0 * s, 0.0, 2.5 * t, 0.0, 1.0, 0.0]);
+        }
+    }
+    let (mut beyond, mut worst) = (0, 0f64);
+    for (row, light) in rows.iter().zip(probe(&scene, &rows, 1e-2, BOTH)) {
+        let off = (light.direct[1] + light.specular[1] - PI).abs();
+        if off > light.error {
+            println!("{:?}: off by {:.1e}, estimate {:.1e}", &row[..3], off / PI, light.error / PI);
+            beyond += 1;
+        }
+        worst = worst.max(off / PI);
+    }
+    println!("{} receivers, {beyond} beyond the estimate, worst {worst:.1e}", rows.len());
+    assert!(beyond == 0 && worst <= 1e-2);
+}
+
 /// Inside the ball, so near its centre that nothing is totally reflected: E = π L n².
 #[test]
 fn white_furnace_inside_glass() {
