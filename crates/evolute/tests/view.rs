@@ -1,8 +1,8 @@
 //! Pictures against light at points: what a pixel shows is what `Transfer` says of the place it sees.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use evolute::geometry::{Point3, UnitVector3, Vector3};
-use evolute::scene::{Scene, load_str};
+use evolute::scene::{Scene, load_file, load_str};
 use evolute::solve::{Solver, SolverSettings};
 use evolute::trace::Tracer;
 use evolute::transfer::{
@@ -226,4 +226,34 @@ fn indirect_light_is_what_is_gathered_and_what_the_meshes_have() {
         let drawn = f64::from(computed.indirect[i][0]);
         assert!((drawn / expected - 1.0).abs() < 0.02, "row {row}: {drawn} {expected}");
     }
+}
+
+/// A box stands a hair before a wall: its shadow on the wall begins at the box's outline, and ends within a pixel.
+#[test]
+fn shadows_narrower_than_a_pixel_are_seen_beside_outlines() {
+    const FINER: u32 = 10;
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../bench/room/thin_shadow.xml");
+    let mut scene = load_file(file, &[]).unwrap().scene;
+    let coarse = drawn(&scene, 4);
+    let film = &mut scene.sensors[0].film;
+    let (width, height) = (film.width, film.height);
+    (film.width, film.height) = (FINER * width, FINER * height);
+    let fine = drawn(&scene, 4);
+    let brightest = coarse.direct.iter().fold(0f32, |m, p| m.max(p[1]));
+    let (mut worst, mut seen) = (0f32, 0f32);
+    for y in 0..height {
+        for x in 0..width {
+            let block = (0..FINER * FINER).map(|k| {
+                let (x, y) = (FINER * x + k % FINER, FINER * y + k / FINER);
+                fine.direct[(y * FINER * width + x) as usize][1]
+            });
+            let mean = block.sum::<f32>() / (FINER * FINER) as f32;
+            let off = (coarse.direct[(y * width + x) as usize][1] - mean).abs() / brightest;
+            if off > worst {
+                (worst, seen) = (off, mean / brightest);
+            }
+        }
+    }
+    println!("worst pixel off by {worst:.3} of the brightest, {seen:.3} expected");
+    assert!(worst <= 0.12, "{worst}");
 }
