@@ -130,6 +130,34 @@ fn indirect_light_is_right_within_its_error() {
     );
 }
 
+/// A solution takes half of the time at most, so that what lamps send is there whatever becomes of it.
+#[test]
+fn lamps_have_their_share_of_a_time_limit() {
+    let folder = Folder::new("share");
+    folder.write("s.xml", walled());
+    let probe = |arguments: &[&str]| {
+        let arguments = [&["probe", "s.xml", "--points", "-", "-a", "1e-4"], arguments].concat();
+        folder.run_with(&arguments, POINTS)
+    };
+    // Enough work for a solution that it is not done with after three seconds.
+    let output = probe(&["--max-time", "6"]);
+    assert_eq!(status(&output), 3, "{}", stderr(&output));
+    assert!(stderr(&output).contains("radiosity solution was stopped"), "{}", stderr(&output));
+    let alone = probe(&["--components", "direct,specular"]);
+    assert_eq!(status(&alone), 0, "{}", stderr(&alone));
+    let lamps = |line: &str| {
+        let fields: Vec<f64> = line.split(',').filter_map(|f| f.parse().ok()).collect();
+        let first = fields.len() - if fields.len() > 15 { 13 } else { 7 };
+        fields[first..first + 3].to_vec()
+    };
+    let (output, alone) = (stdout(&output), stdout(&alone));
+    for (line, alone) in output.lines().zip(alone.lines()).skip(1) {
+        for (light, expected) in lamps(line).iter().zip(lamps(alone)) {
+            assert!((light - expected).abs() <= 2e-4 * expected.abs(), "{line}\n{alone}");
+        }
+    }
+}
+
 #[test]
 fn limits_and_resumption() {
     let folder = Folder::new("resumption");
