@@ -9,7 +9,7 @@ use serde_json::json;
 use evolute::geometry::Rgb;
 use evolute::scene::Scene;
 use evolute::solve::{
-    Checkpoint, Ledger, Outcome, SolutionError, SolutionFile, Solver, SolverSettings,
+    Accuracy, Checkpoint, Ledger, Outcome, SolutionError, SolutionFile, Solver, SolverSettings,
     decode_solution,
 };
 use evolute::trace::Tracer;
@@ -163,8 +163,8 @@ fn bytes_of(path: &Path, scene: &Scene) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// What the solution took, and where the flux is.
-pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) {
+/// What the solution took, where the flux is, and how well the light is known, which is returned.
+pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) -> Accuracy {
     let (counts, ledger) = (&outcome.counts, &outcome.ledger);
     let unit = common.unit_factor();
     let flux = |f: Rgb| f.0.map(|x| x * unit);
@@ -202,20 +202,20 @@ pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) {
             shares(ledger)
         ),
     );
+    accuracy
 }
 
 /// Says so if the light on surfaces is not known as well as was asked for, though no limit of the user's stopped the run.
-pub fn note_accuracy(outcome: &Outcome<'_>, common: &Common) {
-    let transfer = &outcome.settings.transfer;
-    let accuracy = outcome.solution.accuracy(transfer.relative, transfer.absolute);
-    if outcome.is_complete && accuracy.mean > transfer.relative {
+pub fn note_accuracy(accuracy: &Accuracy, outcome: &Outcome<'_>, common: &Common) {
+    let asked = outcome.settings.transfer.relative;
+    if outcome.is_complete && accuracy.mean > asked {
         session::note(
             common,
             &format!(
                 "the light on surfaces is known to {:.2} % in the mean, as far as it can be estimated: not to the {} % \
                  of --accuracy; a smaller one brings it down",
                 100.0 * accuracy.mean,
-                100.0 * transfer.relative
+                100.0 * asked
             ),
         );
     }

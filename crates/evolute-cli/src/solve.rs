@@ -87,8 +87,8 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
         Err(failure) => return Err(failure),
     };
     if let Some(outcome) = &outcome {
-        solution::tell(outcome, common, summary);
-        solution::note_accuracy(outcome, common);
+        let accuracy = solution::tell(outcome, common, summary);
+        solution::note_accuracy(&accuracy, outcome, common);
     }
     let is_complete = outcome.as_ref().is_some_and(|o| o.is_complete);
     let kept = (!is_complete).then_some(&checkpoint);

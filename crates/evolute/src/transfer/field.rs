@@ -9,7 +9,7 @@ use super::extension::over_the_far_rim;
 use super::grid::GridPoint;
 use super::lamp::{Lamp, MAX_LAMP_EDGES};
 use super::settings::{Counts, Receiver};
-use super::shaft::{Body, Shaft};
+use super::shaft::{Body, Shaft, is_end};
 use super::word::{WordId, Words};
 use crate::geometry::{Aabb, Point3, Ray, Vector3};
 use crate::optics::Dual;
@@ -112,16 +112,11 @@ impl<'s> DirectField<'s> {
             return suspects.iter().any(|&(shape, primitive)| hides(shape, primitive));
         }
         let bounds = Aabb::around(corners.iter().copied().chain([self.receiver.position]));
-        let wanted = |shape: ShapeId, _: u32| !known.contains(&shape) && !self.is_end(shape);
+        let scene = self.tracer.scene();
+        let wanted = |shape: ShapeId, _: u32| {
+            !known.contains(&shape) && !is_end(scene, shape, self.shape, &self.contacts)
+        };
         self.tracer.any_in(&bounds, |b| !shaft.keeps_out(b), wanted, hides)
-    }
-
-    /// Whether a shape is the lamp, of which samples tell how it hides itself, or lies in the receiver's plane.
-    fn is_end(&self, shape: ShapeId) -> bool {
-        let surface = &self.tracer.scene().shape(shape).surface;
-        let flat = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_));
-        let mesh = matches!(surface, Surface::Mesh(_));
-        (shape == self.shape && !mesh) || (flat && self.contacts.iter().any(|c| c.shape == shape))
     }
 
     /// Whether nothing stands between the receiver and the point of the lamp; not known beyond an edge of the field.

@@ -5,7 +5,7 @@ use arrayvec::ArrayVec;
 use crate::geometry::{Aabb, Point3, Vector3};
 use crate::scene::{Scene, ShapeId};
 use crate::surface::Surface;
-use crate::trace::Tracer;
+use crate::trace::{Anchor, Tracer};
 
 /// Most corners of the base.
 pub const MAX_CORNERS: usize = 8;
@@ -236,6 +236,18 @@ fn extent(points: &[Vector3], axis: &Vector3) -> (f64, f64) {
     })
 }
 
+/// Whether a shape, seen from a receiver on the `contacts`, is the lamp itself and no mesh, whose triangles may hide each
+/// other (how a curved lamp hides itself samples tell), or lies in the receiver's plane.
+pub fn is_end(scene: &Scene, shape: ShapeId, lamp: ShapeId, contacts: &[Anchor]) -> bool {
+    match scene.shape(shape).surface {
+        Surface::Mesh(_) => false,
+        Surface::Rectangle(_) | Surface::Disk(_) => {
+            shape == lamp || contacts.iter().any(|c| c.shape == shape)
+        }
+        _ => shape == lamp,
+    }
+}
+
 /// What may stand between a receiver and a polygon: every primitive whose box reaches the box
 /// around both, but for the lamp's own plane, planes that the receiver lies on, and what a proof
 /// keeps out of the shaft. `None` if there are more than `limit`.
@@ -255,10 +267,8 @@ pub fn suspects(
     let contacts = tracer.contacts(receiver);
     let shaft = Shaft::new(receiver, corners);
     found.retain(|&(shape, primitive)| {
-        let surface = &scene.shape(shape).surface;
-        let flat = matches!(surface, Surface::Rectangle(_) | Surface::Disk(_));
-        let own = flat && (shape == lamp || contacts.iter().any(|c| c.shape == shape));
-        !own && !shaft.excludes(&Body::of(scene, shape, primitive).0)
+        !is_end(scene, shape, lamp, &contacts)
+            && !shaft.excludes(&Body::of(scene, shape, primitive).0)
     });
     Some(found)
 }
