@@ -75,15 +75,14 @@ pub struct Checkpoint {
 pub(super) struct LoopState {
     /// Indirect light by vertex [W/m²].
     irradiance: Vec<Rgb>,
+    /// What of it rows say [W/m²], and the factor on that.
+    received: Vec<Rgb>,
+    factor: Rgb,
     /// By component, way, patch and corner: radiosity that was shot [W/m²].
     shots: [[Vec<[Rgb; 3]>; 2]; 3],
-    /// By component and way: factor on what is received.
-    factors: [[Rgb; 2]; 3],
     agenda: Vec<Shooter>,
     ledger: Ledger,
     counts: SolverCounts,
-    shot: f64,
-    first_discretisation: Rgb,
 }
 
 impl Checkpoint {
@@ -118,10 +117,8 @@ impl Checkpoint {
                 .all(|seen| seen.is_finite() && seen.row.places().all(|p| exists(p.0, p.1)))
             && state.is_none_or(|s| {
                 let shots = s.shots.iter().flatten().flatten().flatten();
-                shots.chain(&s.irradiance).chain(s.factors.iter().flatten()).all(Rgb::is_finite)
-                    && s.ledger.is_finite()
-                    && s.shot.is_finite()
-                    && s.first_discretisation.is_finite()
+                let light = s.irradiance.iter().chain(&s.received);
+                shots.chain(light).chain([&s.factor]).all(Rgb::is_finite) && s.ledger.is_finite()
             })
     }
 }
@@ -134,12 +131,11 @@ impl Solver<'_> {
             Box::new(LoopState {
                 irradiance: self.solution.layer(Component::Indirect).irradiance.clone(),
                 shots: self.sources.each_ref().map(|s| s.shot.clone()),
-                factors: self.sources.each_ref().map(|s| s.factors),
+                received: self.received.clone(),
+                factor: self.factor,
                 agenda: self.agenda.clone(),
                 ledger: self.ledger,
                 counts: self.counts,
-                shot: self.shot,
-                first_discretisation: self.first_discretisation,
             })
         });
     }
@@ -149,20 +145,21 @@ impl Solver<'_> {
         let patches = self.solution.layers.each_ref().map(|l| l.patches.len());
         let fits =
             |shots: &[Vec<[Rgb; 3]>; 2], count: usize| shots.iter().all(|s| s.len() == count);
-        let is_own = state.irradiance.len() == self.solution.indirect_mut().irradiance.len()
+        let vertices = self.solution.indirect_mut().irradiance.len();
+        let is_own = state.irradiance.len() == vertices
+            && state.received.len() == vertices
             && state.shots.iter().zip(patches).all(|(s, n)| fits(s, n))
             && state.agenda.iter().all(|&(l, p)| patches.get(l).is_some_and(|n| (p as usize) < *n));
         if is_own {
             self.solution.indirect_mut().irradiance = state.irradiance;
-            for (i, (shot, factors)) in state.shots.into_iter().zip(state.factors).enumerate() {
-                self.sources[i].shot = shot;
-                self.sources[i].factors = factors;
+            for (source, shot) in self.sources.iter_mut().zip(state.shots) {
+                source.shot = shot;
             }
+            self.received = state.received;
+            self.factor = state.factor;
             self.agenda = state.agenda;
             self.ledger = state.ledger;
             self.counts = state.counts;
-            self.shot = state.shot;
-            self.first_discretisation = state.first_discretisation;
         }
         is_own
     }

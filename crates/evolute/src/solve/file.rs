@@ -25,7 +25,7 @@ use crate::scene::Scene;
 const MAGIC: &[u8; 8] = b"EVOLUTE\x1a";
 
 /// Version of the format. To be raised when the content or its meaning changes.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// Bytes before the content.
 const HEADER: usize = 8 + 4 + 16 + 8 + 8 + 16;

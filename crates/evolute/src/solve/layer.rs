@@ -368,6 +368,16 @@ impl<'s> Layer<'s> {
         (flux, flux - flux * self.reflectance[vertex])
     }
 
+    /// Where quadratic interpolation of what shines there has overshot, less than nothing was received: makes that nothing,
+    /// and an error of as much.
+    pub(super) fn clamp_to_positive(&mut self) {
+        for (light, error) in self.irradiance.iter_mut().zip(&mut self.error) {
+            let positive = light.map(|x| x.max(0.0));
+            error.own = error.own.max((positive - *light).luminance());
+            *light = positive;
+        }
+    }
+
     /// Flux received, and what of it stays [W].
     pub fn flux(&self) -> (Rgb, Rgb) {
         let (mut received, mut kept) = (Rgb::BLACK, Rgb::BLACK);

@@ -2,14 +2,14 @@
 //!
 //! Lamps shine on the vertices of all meshes by [`Transfer`], exactly; light that was reflected diffusely
 //! goes by rows that are gathered once at each vertex and replayed (`transport.rs`). [`Solver::step`] is one
-//! turn of the loop of Fig. 4. The variables of the paper:
+//! turn of the loop of Fig. 4 (`iteration.rs`). The variables of the paper:
 //!
 //! | printed | here |
 //! |---|---|
 //! | `rad` | [`Solution`]'s radiosity of a vertex |
 //! | `unshot_rad` | that less what a patch's corner has shot straight |
 //! | `unshot_specular_rad` | that less what a patch's corner has shot by specular chains |
-//! | `tmp_specular_rad` | what all vertices receive in a specular iteration, given to them at its end |
+//! | `tmp_specular_rad` | not needed: in a specular iteration what waits is taken from all patches before any receives |
 //!
 //! Patches are the triangles of three layers of meshes: those that lamps light, directly and by specular chains,
 //! which shoot once, and those that reflected light is received on, which shoot what they have received
@@ -21,6 +21,7 @@ mod contact;
 mod file;
 mod fingerprint;
 mod growth;
+mod iteration;
 mod lamps;
 mod landing;
 mod layer;
@@ -40,7 +41,7 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::Rgb;
 use crate::scene::Scene;
 use crate::trace::Tracer;
-use crate::trace::tree::{Limits, Losses};
+use crate::trace::tree::Limits;
 use crate::transfer::{Control, LONGEST_CHAIN, Order, TransferSettings};
 
 pub use checkpoint::Checkpoint;
@@ -52,7 +53,7 @@ pub use outcome::Outcome;
 pub use probe::{Probe, ProbeLight};
 pub use sheet::Sheet;
 pub use solution::{Accuracy, Component, Solution};
-use source::{Balance, Source, Way};
+use source::Source;
 use transport::{BoundRow, Fate, Patch, StoredRow, Transport};
 
 /// Who shoots next, and how far.
@@ -118,7 +119,7 @@ pub struct SolverCounts {
     pub replayed: [u64; 2],
     /// Rays traced to find the links.
     pub rays: u64,
-    /// What shots were scaled by to conserve flux, less 1, without regard to sign; mean over all flux shot.
+    /// What light is scaled by to conserve flux, less 1, without regard to sign; luminance.
     pub correction: f64,
 }
 
@@ -141,15 +142,6 @@ struct Job<'j, 's> {
     control: &'j Control<'j>,
 }
 
-/// What to do next.
-enum Plan {
-    /// Nothing: what waits does not matter.
-    Rest,
-    /// Patches to shoot, the last first.
-    Diffuse(Vec<Shooter>),
-    Specular,
-}
-
 /// A patch of a layer, that by the number of its [`Component`].
 type Shooter = (usize, Patch);
 
@@ -160,14 +152,14 @@ pub struct Solver<'s> {
     solution: Solution<'s>,
     /// By [`Component`].
     sources: [Source; 3],
+    /// By vertex: what rows say that is received of all that was shot [W/m²],
+    received: Vec<Rgb>,
+    /// and the factor on that, by which flux is conserved.
+    factor: Rgb,
     /// Patches to shoot next, the last first.
     agenda: Vec<Shooter>,
     ledger: Ledger,
     counts: SolverCounts,
-    /// All flux shot so far, its luminance [W].
-    shot: f64,
-    /// What the lamps' shots lost or won [W].
-    first_discretisation: Rgb,
     complete: bool,
     /// Whether what waits no longer matters.
     rests: bool,
@@ -178,9 +170,6 @@ const THROUGHPUT: f64 = 0.01;
 
 /// For stages after one for which there was no time.
 const HALT: Control<'static> = Control { order: &|| Order::Finish, progress: &|_, _, _| {} };
-
-/// Part of the tolerance that is for what is never shot.
-const UNSHOT: f64 = 0.05;
 
 /// Triangles at first, lamps' and mirrors' surfaces counted as if they had some too.
 const FIRST_TRIANGLES: f64 = 2000.0;
@@ -288,9 +277,9 @@ impl<'s> Solver<'s> {
             settings: *settings,
             solution,
             sources,
+            received: vec![Rgb::BLACK; counts.vertices[2]],
+            factor: Rgb::WHITE,
             agenda: Vec::new(),
-            shot: 0.0,
-            first_discretisation: Rgb::BLACK,
             ledger: Ledger::default(),
             counts,
             complete,
@@ -311,7 +300,6 @@ impl<'s> Solver<'s> {
         let losses = lamps::losses(scene, tracer, &self.limits());
         self.ledger.emitted = scene.emitted_flux();
         self.ledger.shoot(scene.emitted_flux(), &losses, received, kept);
-        self.first_discretisation = self.ledger.discretisation;
     }
 
     /// Lets others shoot from now on. What has been shot stays as it is: the scheme changes the way to the answer.
@@ -323,192 +311,6 @@ impl<'s> Solver<'s> {
     /// Where ray trees end.
     pub fn limits(&self) -> Limits {
         limits(&self.settings.transfer)
-    }
-
-    /// Flux that waits at all patches of a layer, straight and towards specular surfaces, luminances [W].
-    fn waiting(&self, layer: usize) -> Vec<[f64; 2]> {
-        let (source, layer) = (&self.sources[layer], &self.solution.layers[layer]);
-        (0..layer.patches.len()).into_par_iter().map(|p| source.waiting(layer, p)).collect()
-    }
-
-    /// One turn of the loop of Fig. 4; `None` when what waits no longer matters.
-    pub fn step(&mut self) -> Option<Iteration> {
-        if self.agenda.is_empty() {
-            match self.plan() {
-                Plan::Rest => {
-                    self.rests = true;
-                    return None;
-                }
-                Plan::Specular => {
-                    let all = |l: usize| {
-                        (0..self.solution.layers[l].patches.len()).map(move |p| (l, p as Patch))
-                    };
-                    let shooters: Vec<Shooter> = (0..3).flat_map(all).collect();
-                    self.conserve(Way::Specular);
-                    self.shoot_specular(&shooters);
-                    self.counts.specular += 1;
-                    return Some(Iteration::Specular);
-                }
-                Plan::Diffuse(shooters) => {
-                    self.conserve(Way::Straight);
-                    if self.settings.scheme == Scheme::Joint {
-                        self.conserve(Way::Specular);
-                    }
-                    self.agenda = shooters;
-                }
-            }
-        }
-        let shooter = self.agenda.pop()?;
-        self.shoot_straight(shooter);
-        if self.settings.scheme == Scheme::Joint {
-            self.shoot_specular(&[shooter]);
-        }
-        self.counts.diffuse += 1;
-        Some(Iteration::Diffuse)
-    }
-
-    /// Finds the factor by which what is shot one way is conserved.
-    fn conserve(&mut self, way: Way) {
-        let owed = self.ledger.discretisation - self.first_discretisation;
-        let mut balance = Balance::default();
-        for (source, layer) in self.sources.iter().zip(&self.solution.layers) {
-            balance += source.balance(layer, way);
-        }
-        let factor = balance.factor(owed);
-        for source in &mut self.sources {
-            source.factors[way as usize] = factor;
-        }
-    }
-
-    /// What to do next. Looking for the next shooter costs as much as some shots, so that by flux all shoot
-    /// that have at least half of the largest, the largest first.
-    fn plan(&self) -> Plan {
-        let all = [0, 1, 2].map(|layer| self.waiting(layer));
-        let each = || {
-            all.iter()
-                .enumerate()
-                .flat_map(|(l, of)| of.iter().enumerate().map(move |(p, w)| ((l, p as Patch), *w)))
-        };
-        let sums = each().fold([0.0; 2], |sum, (_, w)| [sum[0] + w[0].abs(), sum[1] + w[1].abs()]);
-        if sums[0] + sums[1] <= self.negligible() {
-            return Plan::Rest;
-        }
-        let scheme = self.settings.scheme;
-        if scheme != Scheme::Joint && sums[1] > sums[0] {
-            return Plan::Specular;
-        }
-        let key = |(layer, patch): Shooter, waiting: [f64; 2]| match scheme {
-            Scheme::Printed => {
-                let source = &self.sources[layer];
-                let unshot =
-                    source.unshot(&self.solution.layers[layer], patch as usize, Way::Straight);
-                unshot.iter().map(Rgb::luminance).sum::<f64>() / 3.0
-            }
-            // Where interpolation has overshot, less than nothing waits.
-            Scheme::Flux => waiting[0].abs(),
-            Scheme::Joint => (waiting[0] + waiting[1]).abs(),
-        };
-        let mut keys: Vec<(f64, Shooter)> = each().map(|(s, w)| (key(s, w), s)).collect();
-        // Taken from the end; of equals the lower number first.
-        keys.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-        let largest = keys.last().map_or(0.0, |k| k.0);
-        let first = match scheme {
-            Scheme::Printed => keys.len().saturating_sub(1),
-            _ => keys.partition_point(|k| k.0 < 0.5 * largest),
-        };
-        Plan::Diffuse(keys[first..].iter().map(|k| k.1).collect())
-    }
-
-    /// Flux that may be left waiting: what it could still bring, mean over all surfaces, is a small part of
-    /// the accuracy, of the reflected light alone [W].
-    fn negligible(&self) -> f64 {
-        let solution = &self.solution;
-        let indirect = solution.layer(Component::Indirect);
-        let (_, reflected) = indirect.area_and_reflectance();
-        let received = indirect.flux().0.luminance();
-        UNSHOT * self.settings.transfer.relative * received * (1.0 - reflected.min(0.999))
-    }
-
-    /// A diffuse iteration: one patch shoots straight.
-    fn shoot_straight(&mut self, (layer, patch): Shooter) {
-        let patch = patch as usize;
-        let unshot = self.sources[layer].take(&self.solution.layers[layer], patch, Way::Straight);
-        let factor = self.sources[layer].factor(Way::Straight);
-        let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
-        for entry in self.sources[layer].transport.straight(patch as Patch) {
-            let mut light = Rgb::BLACK;
-            for c in 0..3 {
-                light += unshot[c] * f64::from(entry.weights[c]);
-            }
-            light = light * factor;
-            let (flux, kept) = self.solution.indirect_mut().receive(entry.vertex as usize, light);
-            received += flux;
-            absorbed += kept;
-        }
-        let followed = self.sources[layer].transport.straight(patch as Patch).len();
-        self.counts.replayed[Way::Straight as usize] += followed as u64;
-        self.enter((layer, patch as Patch), unshot, Way::Straight, received, absorbed);
-    }
-
-    /// A specular iteration for some patches: all specular surfaces shoot what waits there.
-    fn shoot_specular(&mut self, shooters: &[Shooter]) {
-        let mut light = vec![Rgb::BLACK; self.solution.layer(Component::Indirect).area.len()];
-        let mut shots = Vec::with_capacity(shooters.len());
-        for &(layer, patch) in shooters {
-            let lit = &self.solution.layers[layer];
-            let unshot = self.sources[layer].take(lit, patch as usize, Way::Specular);
-            let factor = self.sources[layer].factor(Way::Specular);
-            let (mut received, mut absorbed) = (Rgb::BLACK, Rgb::BLACK);
-            let reflected = self.solution.layer(Component::Indirect);
-            let followed = self.sources[layer].transport.specular(patch);
-            self.counts.replayed[Way::Specular as usize] += followed.len() as u64;
-            for entry in followed {
-                let v = entry.vertex as usize;
-                let mut own = Rgb::BLACK;
-                for c in 0..3 {
-                    own += unshot[c] * Rgb(entry.weights[c].map(f64::from));
-                }
-                own = own * factor;
-                light[v] += own;
-                let flux = own * reflected.area[v];
-                received += flux;
-                absorbed += flux - flux * reflected.reflectance[v];
-            }
-            shots.push(((layer, patch), unshot, received, absorbed));
-        }
-        for (v, light) in light.into_iter().enumerate() {
-            self.solution.indirect_mut().receive(v, light);
-        }
-        for (shooter, unshot, received, absorbed) in shots {
-            self.enter(shooter, unshot, Way::Specular, received, absorbed);
-        }
-    }
-
-    /// Enters a shot into the ledger.
-    fn enter(
-        &mut self,
-        (layer, patch): Shooter,
-        unshot: [Rgb; 3],
-        way: Way,
-        received: Rgb,
-        absorbed: Rgb,
-    ) {
-        let corners = self.solution.layers[layer].patches[patch as usize];
-        let (mut shot, mut losses) = (Rgb::BLACK, Losses::default());
-        for c in 0..3 {
-            let fate: &Fate = &self.sources[layer].transport.fates[corners.vertices[c] as usize];
-            let flux = unshot[c] * corners.weights[c];
-            shot += flux * fate.share(way);
-            losses += fate.losses[way as usize] * flux;
-        }
-        let corrected = (self.sources[layer].factor(way) - Rgb::WHITE).map(f64::abs).luminance();
-        let flux = shot.luminance();
-        if flux > 0.0 {
-            self.shot += flux;
-            self.counts.correction += (corrected - self.counts.correction) * flux / self.shot;
-        }
-        self.ledger.unshot = self.ledger.unshot - shot;
-        self.ledger.shoot(shot, &losses, received, absorbed);
     }
 
     /// Where the flux is.
@@ -526,7 +328,15 @@ impl<'s> Solver<'s> {
     pub fn finish(&mut self) {
         self.solution.indirect_mut().estimate_interpolation(&[]);
         propagation::pass_on(&mut self.solution.layers, &self.sources);
-        self.solution.indirect_mut().bend();
+        // Either what rows say is right, or flux. What all places together have too much or too little is taken out, so
+        // that this is passed on no further.
+        let scaled = (self.factor - Rgb::WHITE).map(f64::abs);
+        let indirect = self.solution.indirect_mut();
+        for (light, error) in self.received.iter().zip(&mut indirect.error) {
+            error.own += (*light * scaled).luminance().abs();
+        }
+        indirect.clamp_to_positive();
+        indirect.bend();
     }
 
     /// What there is so far.

@@ -27,40 +27,35 @@ impl Fate {
     }
 }
 
-/// What patches send one way, and what vertices receive of it by their rows [W].
+/// What patches send, straight and to specular surfaces, and what vertices receive of it by their rows [W].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Balance {
-    /// All light that patches reflect now, whether it was shot or waits.
+    /// Of all light that patches reflect now, whether it was shot or waits.
     sent: Rgb,
     received: Rgb,
-    /// What of it waits.
-    waiting: Rgb,
 }
 
 impl AddAssign for Balance {
     fn add_assign(&mut self, other: Self) {
         self.sent += other.sent;
         self.received += other.received;
-        self.waiting += other.waiting;
     }
 }
 
 impl Balance {
-    /// The factor on what is received that makes it what is sent, and what earlier shots `owe` [W]. Rows are integrated
+    /// The factor on what is received that makes it what is sent. Rows are integrated
     /// each on its own, and meshes have their errors: a few tenths of a percent are lost or won at each bounce, and in a
     /// bright room that adds up. How much is sent is known.
     ///
-    /// All light counts, not only what is about to shoot: of some patches rows see too little, and too much of others.
-    /// A row as a whole is right, so that a vertex receives what it should if all patches have the same factor. One
-    /// for each group that shoots together made corners, which see their neighbours more than the rest, 2 % too dark on
-    /// coarse meshes.
-    pub fn factor(&self, owed: Rgb) -> Rgb {
+    /// There is one for all light, not only for what is about to shoot: of some patches rows see too little, and too much
+    /// of others. A row as a whole is right, so that a vertex receives what it should if all patches have the same factor.
+    /// One for each group that shoots together made corners, which see their neighbours more than the rest, 2 % too dark
+    /// on coarse meshes; one for all specular light scaled by a sixth what was known to a percent, where rows, which are
+    /// right to a part of all light, did not know well the little that came elsewhere.
+    pub fn factor(&self) -> Rgb {
         Rgb(std::array::from_fn(|i| {
-            let ratio = self.sent[i] / self.received[i];
-            let repaid = owed[i] / self.waiting[i];
-            // Where nothing is sent or waits, or rounding is all there is, nothing is to be mended.
-            let repaid = if repaid.is_finite() { repaid.clamp(-MOST_OWED, MOST_OWED) } else { 0.0 };
-            let factor = ratio * (1.0 + repaid);
+            let factor = self.sent[i] / self.received[i];
+            // Where nothing is sent, or rounding is all there is, nothing is to be mended.
             if factor.is_finite() && factor > 0.0 {
                 factor.clamp(1.0 / MOST_CORRECTED, MOST_CORRECTED)
             } else {
@@ -76,58 +71,45 @@ pub(super) struct Source {
     pub transport: Transport,
     /// By way, patch and corner: radiosity that was shot [W/m²].
     pub shot: [Vec<[Rgb; 3]>; 2],
-    /// By way, patch and corner: flux that vertices receive of a radiosity of 1 there, by their rows [m²].
-    reach: [Vec<[Rgb; 3]>; 2],
-    /// By way: factor on what is received.
-    pub factors: [Rgb; 2],
+    /// By patch and corner: flux that vertices receive of a radiosity of 1 there, by their rows [m²].
+    reach: Vec<[Rgb; 3]>,
 }
 
 /// Rows may be wrong by this factor before what they lose is no longer made up for.
 const MOST_CORRECTED: f64 = 2.0;
 
-/// What earlier shots owe counts up to this part of what waits: what groups of patches owe each other evens out by
-/// itself, and is more than that.
-const MOST_OWED: f64 = 0.02;
-
 impl Source {
     /// Patches that have not shot; `area` by vertex that receives [m²].
     pub fn new(transport: Transport, patches: usize, area: &[f64]) -> Self {
         let none = vec![[Rgb::BLACK; 3]; patches];
-        let mut reach = [none.clone(), none.clone()];
+        let mut reach = none.clone();
         for p in 0..patches {
             for entry in transport.straight(p as Patch) {
                 for c in 0..3 {
                     let flux = f64::from(entry.weights[c]) * area[entry.vertex as usize];
-                    reach[0][p][c] += Rgb::grey(flux);
+                    reach[p][c] += Rgb::grey(flux);
                 }
             }
             for entry in transport.specular(p as Patch) {
                 for c in 0..3 {
                     let weight = Rgb(entry.weights[c].map(f64::from));
-                    reach[1][p][c] += weight * area[entry.vertex as usize];
+                    reach[p][c] += weight * area[entry.vertex as usize];
                 }
             }
         }
-        Self { transport, shot: [none.clone(), none], reach, factors: [Rgb::WHITE; 2] }
+        Self { transport, shot: [none.clone(), none], reach }
     }
 
-    /// Factor on what is received by one way.
-    pub fn factor(&self, way: Way) -> Rgb {
-        self.factors[way as usize]
-    }
-
-    /// What patches have to send one way.
-    pub fn balance(&self, layer: &Layer<'_>, way: Way) -> Balance {
+    /// What patches have sent, or will.
+    pub fn balance(&self, layer: &Layer<'_>) -> Balance {
         let of = |p: usize| {
             let mut balance = Balance::default();
             let (corners, all) = (&layer.patches[p], layer.corners(p));
-            let shot = &self.shot[way as usize][p];
             for c in 0..3 {
                 let fate = &self.transport.fates[corners.vertices[c] as usize];
-                let arrives = fate.share(way) - fate.losses[way as usize].sum();
-                balance.sent += all[c] * arrives * corners.weights[c];
-                balance.received += all[c] * self.reach[way as usize][p][c];
-                balance.waiting += (all[c] - shot[c]) * arrives * corners.weights[c];
+                let lost = fate.losses[0].sum() + fate.losses[1].sum();
+                balance.sent += all[c] * (Rgb::WHITE - lost) * corners.weights[c];
+                balance.received += all[c] * self.reach[p][c];
             }
             balance
         };
