@@ -87,6 +87,11 @@ fn side(shape: &Shape, side: &SideMaterial) -> String {
     if words.is_empty() { "black".into() } else { words.join(" and ") }
 }
 
+/// A number for people, in three figures or more whatever its size.
+fn figure(x: f64) -> String {
+    if x == 0.0 || (0.01..1e7).contains(&x.abs()) { format!("{x:.4}") } else { format!("{x:.4e}") }
+}
+
 /// The same for people.
 fn report(scene: &Scene, absolute: f64, common: &Common) -> String {
     let factor = common.unit_factor();
@@ -99,22 +104,23 @@ fn report(scene: &Scene, absolute: f64, common: &Common) -> String {
         let (front, back) = (side(shape, &material.front), side(shape, &material.back));
         let sides = if front == back { front } else { format!("{front}; back {back}") };
         line(format!(
-            "  {} ({}, {:.4} m²): {sides}",
+            "  {} ({}, {} m²): {sides}",
             shape.id,
             kind(&shape.surface),
-            shape.surface.area()
+            figure(shape.surface.area())
         ));
         if !shape.radiance.is_black() {
             let flux = shape.emitted_flux() * factor;
             line(format!(
-                "    lamp: {:.4} {flux_unit}, radiance {:?} {radiance_unit}",
-                flux.luminance(),
+                "    lamp: {} {flux_unit}, radiance {:?} {radiance_unit}",
+                figure(flux.luminance()),
                 (shape.radiance * factor).0
             ));
         }
     }
-    line(format!("emitted flux {:.4} {flux_unit}", scene.emitted_flux().luminance() * factor));
-    line(format!("surface area {:.4} m² (both sides)", scene.surface_area()));
+    let flux = figure(scene.emitted_flux().luminance() * factor);
+    line(format!("emitted flux {flux} {flux_unit}"));
+    line(format!("surface area {} m² (both sides)", figure(scene.surface_area())));
     line(format!(
         "tolerance at a receiver: {} of its irradiance, not below {:.3e} {irradiance_unit}",
         common.accuracy,

@@ -31,10 +31,18 @@ impl Failure {
     /// What to tell the user.
     pub fn message(&self) -> String {
         match self {
+            Self::Input(_) | Self::Usage(_) | Self::Limit(_) => format!("error: {}", self.text()),
+            Self::Interrupted | Self::Kept(_) => self.text(),
+        }
+    }
+
+    /// The same for a field that is called `error`.
+    pub fn text(&self) -> String {
+        match self {
             Self::Input(text) | Self::Usage(text) | Self::Limit(text) => {
-                // Messages that quote the scene start with `error` themselves.
+                // Messages that quote the scene start with that themselves.
                 let text = text.trim_end();
-                if text.starts_with("error") { text.into() } else { format!("error: {text}") }
+                text.strip_prefix("error: ").unwrap_or(text).into()
             }
             Self::Interrupted => "interrupted; nothing was written".into(),
             Self::Kept(path) => format!(

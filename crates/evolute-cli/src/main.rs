@@ -71,7 +71,7 @@ fn main() -> ExitCode {
         Ok(()) => 0,
         Err(failure) => {
             eprintln!("{}", failure.message());
-            summary.set("error", failure.message());
+            summary.set("error", failure.text());
             failure.status()
         }
     };

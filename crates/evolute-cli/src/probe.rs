@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use rayon::prelude::*;
 
+use evolute::geometry::Rgb;
 use evolute::output::{check_target, replace_file};
 use evolute::solve::{Probe, ProbeLight};
 use evolute::trace::Tracer;
@@ -182,6 +183,17 @@ pub fn run(arguments: &Arguments, summary: &mut Summary) -> Result<(), Failure> 
             &format!(
                 "{at_edges} receivers lie on lines where surfaces meet: the light of one of them, and what is beyond it, \
                  counts as dark there; move them off by a millimetre"
+            ),
+        );
+    }
+    let is_dark = |l: &&ProbeLight| !l.stopped && l.total() == Rgb::BLACK;
+    let dark = lights.iter().flatten().filter(is_dark).count();
+    if dark > 0 && asked.total {
+        session::note(
+            common,
+            &format!(
+                "{dark} of {done} receivers get no light at all: if that is not expected, see whether they lie inside a \
+                 body or outside of the room, or face the other way"
             ),
         );
     }

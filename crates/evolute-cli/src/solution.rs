@@ -9,8 +9,8 @@ use serde_json::json;
 use evolute::geometry::Rgb;
 use evolute::scene::Scene;
 use evolute::solve::{
-    Accuracy, Checkpoint, Ledger, Outcome, SolutionError, SolutionFile, Solver, SolverSettings,
-    decode_solution,
+    Accuracy, Checkpoint, Component, Ledger, Outcome, SolutionError, SolutionFile, Solver,
+    SolverSettings, decode_solution,
 };
 use evolute::trace::Tracer;
 use evolute::transfer::{Control, Order, TransferSettings};
@@ -26,6 +26,9 @@ const ITERATIONS: u64 = 256;
 
 /// The part of the flux that waits at the end of most runs.
 const LAST: f64 = 1e-3;
+
+/// A mean reflectance at which people who wait should be told why.
+const BRIGHT: f64 = 0.98;
 
 /// What a solution is made from, and how that is watched.
 pub struct Job<'j, 's> {
@@ -89,6 +92,17 @@ impl<'s> Job<'_, 's> {
             Some(known) => Solver::resume(scene, tracer, &settings, &control, known),
         };
         let mut solver = solver.ok_or(Failure::Interrupted)?;
+        let (_, reflected) = solver.solution().layer(Component::Indirect).area_and_reflectance();
+        if reflected > BRIGHT {
+            session::note(
+                self.common,
+                &format!(
+                    "diffuse surfaces reflect {:.1} % of the light, in the mean: what stays among them takes very many \
+                     iterations to come to rest; --max-time or --max-iterations end them before",
+                    100.0 * reflected
+                ),
+            );
+        }
         let first = solver.ledger().unshot.luminance();
         let mut turn = 0u64;
         let ended = loop {

@@ -6,6 +6,9 @@ use super::message::{Checked, Complaint, SceneError, quoted};
 use super::model::Scene;
 use super::{schema, sensor, shape};
 
+/// Integrators that compute the same light: nobody need be told that another one does.
+const SAME_LIGHT: [&str; 2] = ["path", "ptracer"];
+
 impl SceneDescription {
     /// Checks everything and builds the scene, with notices for the user (one sentence each) about
     /// what was read and is not used.
@@ -68,14 +71,17 @@ impl SceneDescription {
                 integrator.integer_in("max_depth", -1, i64::from(u32::MAX))?.map(|d| d as u32)
             }
         };
-        let limit = match depth {
-            Some(depth) => format!("; its max_depth {depth} limits the length of paths here too"),
-            None => String::new(),
-        };
-        notices.push(format!(
-            "the integrator {} is not used: evolute computes light in its own way{limit}",
-            quoted(&first.plugin.value)
-        ));
+        let name = quoted(&first.plugin.value);
+        if let Some(depth) = depth {
+            notices.push(format!(
+                "the integrator {name} is not used, but its max_depth {depth} limits chains of mirrors and lenses here, too, \
+                 and leaves out indirect light if it allows no diffuse reflection; remove it to limit nothing"
+            ));
+        } else if !SAME_LIGHT.contains(&first.plugin.value.as_str()) {
+            notices.push(format!(
+                "the integrator {name} is not used: evolute computes all light in its own way"
+            ));
+        }
         Ok(depth)
     }
 }

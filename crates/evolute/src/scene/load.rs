@@ -64,7 +64,10 @@ impl SceneDescription {
         let read = read_bytes(path, MAX_SCENE_BYTES)
             .map_err(|why| {
                 let name = path.to_string_lossy();
-                Complaint::nowhere(format!("cannot read the scene {}: {why}", quoted(&name)))
+                Complaint::nowhere(format!(
+                    "cannot read the scene {}: {why}; name a scene in Mitsuba 3's XML",
+                    quoted(&name)
+                ))
             })
             .and_then(|bytes| add_text(&mut sources, path, bytes));
         match read {
