@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checkpoint::Known;
 use super::growth::{Growth, Light, Rule, grow};
-use super::landing::landings;
+use super::landing::{Landing, specular_landings, straight_landings};
 use super::rows::ambient;
 use super::{Job, Layer};
 use crate::geometry::Rgb;
@@ -94,35 +94,69 @@ impl Light for LampLight {
     }
 }
 
+/// Where the light of lamps lands, by rays: a rough picture of what is to be computed.
+pub(super) struct Landings {
+    straight: Vec<Landing>,
+    specular: Vec<Landing>,
+    /// All together [W].
+    flux: Rgb,
+}
+
+impl Landings {
+    pub fn new(job: &Job<'_, '_>) -> Self {
+        let (straight, specular) = (straight_landings(job), specular_landings(job));
+        let landed: f64 = straight.iter().chain(&specular).map(|l| l.flux).sum();
+        let emitted = job.scene.emitted_flux();
+        let all = emitted.luminance();
+        let flux = if all > 0.0 { emitted * (landed / all) } else { Rgb::BLACK };
+        Self { straight, specular, flux }
+    }
+
+    /// First meshes, which know what lands on them.
+    fn on_meshes<'s>(job: &Job<'_, 's>, landings: &[Landing]) -> Vec<Growth<'s, LampLight>> {
+        let mut growths = Growth::all(job);
+        for landing in landings {
+            growths[landing.sheet].landed.push((landing.site, landing.flux));
+        }
+        growths
+    }
+}
+
 /// What lamps send straight; whether there was time for it.
-pub(super) fn direct<'s>(job: &Job<'_, 's>, known: &mut Known<LampLight>) -> (Layer<'s>, bool) {
-    illuminate(job, &DIRECT, Growth::all(job), known, 0.0, &|_, _| 0.0)
+pub(super) fn direct<'s>(
+    job: &Job<'_, 's>,
+    known: &mut Known<LampLight>,
+    landings: &Landings,
+) -> (Layer<'s>, bool) {
+    let growths = Landings::on_meshes(job, &landings.straight);
+    illuminate(job, &DIRECT, growths, known, landings.flux, 0.0, &|_, _| 0.0)
 }
 
 /// What lamps send by specular chains, in addition to direct light.
 pub(super) fn specular<'s>(
     job: &Job<'_, 's>,
     known: &mut Known<LampLight>,
+    landings: &Landings,
     direct: &Layer<'_>,
 ) -> (Layer<'s>, bool) {
     if !job.scene.shapes.iter().any(|s| s.material.is_specular()) {
         return (Layer::dark(job.scene, job.sheets, job.edge), true);
     }
     let beside = |sheet: usize, site: &ChartPoint| direct.at(sheet, site).luminance();
-    let mut growths = Growth::all(job);
-    for landing in landings(job) {
-        growths[landing.sheet].landed.push((landing.site, landing.flux));
-    }
-    illuminate(job, &SPECULAR, growths, known, direct.flux().0.luminance(), &beside)
+    let growths = Landings::on_meshes(job, &landings.specular);
+    let known_flux = direct.flux().0.luminance();
+    illuminate(job, &SPECULAR, growths, known, landings.flux, known_flux, &beside)
 }
 
-/// One part, beside a flux that is known otherwise [W] and what it brings to a place, luminances [W/m²]. What is `known`
+/// One part, if all that lamps send to surfaces comes to `landed` [W], beside a flux that is known otherwise [W] and what
+/// it brings to a place, luminances [W/m²]. What is `known`
 /// of it is not computed again; in the end all that was computed is.
 fn illuminate<'s>(
     job: &Job<'_, 's>,
     fineness: &Fineness,
     mut growths: Vec<Growth<'s, LampLight>>,
     known: &mut Known<LampLight>,
+    landed: Rgb,
     flux: f64,
     beside: &(dyn Fn(usize, &ChartPoint) -> f64 + Sync),
 ) -> (Layer<'s>, bool) {
@@ -132,7 +166,7 @@ fn illuminate<'s>(
     let transfer =
         Transfer::new(scene, tracer, TransferSettings { relative: own, ..settings.transfer });
     let surfaces = || sheets.iter().map(|s| (scene.shape(s.shape).surface.area(), s.reflectance));
-    let ambient = ambient(scene.emitted_flux(), surfaces()).luminance();
+    let ambient = ambient(landed, surfaces()).luminance();
     let others = flux + ambient * surfaces().map(|(area, _)| area).sum::<f64>();
     let rule = Rule {
         stage: fineness.stage,

@@ -1,21 +1,26 @@
-//! Where light of lamps lands after specular chains, by rays from the lamps.
+//! Where light of lamps lands, by rays from the lamps.
 //!
-//! Light at the corners of a triangle says nothing of what lies between: a caustic can be narrower. Rays from a few
+//! Light at the corners of a triangle says nothing of what lies between: a caustic can be narrower, and so can the spot
+//! that a lamp throws through a hole. Rays that share a lamp's flux evenly, and after specular chains those from a few
 //! points of each lamp, aimed evenly at specular surfaces, are too coarse to measure light with, but they tell
 //! which triangles receive what their corners do not know of (Yu & Wu, 3.3, criterion 5, for meshes).
+
+use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
 use super::{Job, Sheet};
-use crate::geometry::{Point3, Ray};
+use crate::geometry::{Point3, Ray, math, tangent_frame};
 use crate::receiver::TriangleMesh;
 use crate::scene::{Scene, ShapeId};
 use crate::surface::ChartPoint;
 use crate::trace::tree::{Trunk, sight};
 use crate::trace::{Anchor, Tracer};
 
-/// Rays, about.
+/// Rays, about, of either kind.
 const RAYS: usize = 40_000;
+/// Pieces of a lamp from which rays start that share its flux.
+const PIECES: usize = 1000;
 /// From most points of a lamp.
 const POINTS: usize = 16;
 /// Fewest and most rays from a point to a surface.
@@ -61,8 +66,56 @@ fn some(pieces: Vec<Piece>, most: usize) -> Vec<Piece> {
     some
 }
 
-/// What lands on sheets of the light of all lamps.
-pub(super) fn landings(job: &Job<'_, '_>) -> Vec<Landing> {
+/// A lattice of low discrepancy in the unit cube (additive recurrence by powers of the root of x⁴ = x + 1).
+fn lattice(i: usize) -> [f64; 3] {
+    [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_3]
+        .map(|step| (0.5 + step * i as f64).fract())
+}
+
+/// What lands on sheets of the light of all lamps, straight.
+pub(super) fn straight_landings(job: &Job<'_, '_>) -> Vec<Landing> {
+    let (scene, tracer) = (job.scene, job.tracer);
+    let all = scene.emitted_flux().luminance();
+    let of_lamp = |lamp: ShapeId| {
+        let flux = scene.shape(lamp).emitted_flux().luminance();
+        let count = (RAYS as f64 * flux / all).ceil() as usize;
+        let pieces = pieces(scene, lamp, PIECES);
+        let ends: Vec<f64> = pieces
+            .iter()
+            .scan(0.0, |sum, piece| {
+                *sum += piece.area;
+                Some(*sum)
+            })
+            .collect();
+        let ray = |i: usize| {
+            let [place, radius, angle] = lattice(i);
+            let wanted = place * ends.last()?;
+            let start = Start::new(job, pieces.get(ends.partition_point(|end| *end < wanted))?);
+            let normal = scene.shape(lamp).surface.local(&start.anchors[0].point)?.n;
+            // Evenly by flux: evenly over the disk that the hemisphere is over.
+            let (s, t) = tangent_frame(&normal);
+            let (sine, cosine) = math::sin_cos(TAU * angle);
+            let direction =
+                (s * cosine + t * sine) * radius.sqrt() + *normal * (1.0 - radius).sqrt();
+            let hit =
+                tracer.nearest(&Ray::new(start.x, direction), f64::INFINITY, &start.anchors)?;
+            let surface = &scene.shape(hit.anchor.shape).surface;
+            let front = surface.local(&hit.anchor.point)?.n.dot(&direction) < 0.0;
+            let sheet = sheet_of(job.sheets, hit.anchor.shape, front)?;
+            let site = surface.chart_point(&hit.anchor.point);
+            Some(Landing { sheet, site, flux: flux / count as f64 })
+        };
+        (0..count).into_par_iter().filter_map(ray).collect::<Vec<_>>()
+    };
+    scene.lamps().flat_map(of_lamp).collect()
+}
+
+fn sheet_of(sheets: &[Sheet], shape: ShapeId, front: bool) -> Option<usize> {
+    sheets.iter().position(|s| s.shape == shape && s.front == front)
+}
+
+/// What lands on sheets of the light of all lamps by specular chains.
+pub(super) fn specular_landings(job: &Job<'_, '_>) -> Vec<Landing> {
     let (scene, tracer) = (job.scene, job.tracer);
     let starts: Vec<Piece> =
         scene.lamps().flat_map(|l| some(pieces(scene, l, 8), POINTS)).collect();
@@ -129,9 +182,7 @@ impl<'j, 's> Start<'j, 's> {
         let limits = super::limits(&self.job.settings.transfer);
         let leaves = sight(tracer, &trunk, &limits).leaves;
         let landing = |leaf: &crate::trace::tree::Leaf| {
-            let sheet = sheets
-                .iter()
-                .position(|s| s.shape == leaf.anchor.shape && s.front == leaf.front)?;
+            let sheet = sheet_of(sheets, leaf.anchor.shape, leaf.front)?;
             let site = scene.shape(leaf.anchor.shape).surface.chart_point(&leaf.anchor.point);
             Some(Landing { sheet, site, flux: (flux * leaf.flux).luminance() })
         };

@@ -214,13 +214,14 @@ impl<'s> Solver<'s> {
         let sheets = Sheet::all(scene);
         let go = || (control.order)() != Order::Abandon;
         let job = Job { scene, sheets: &sheets, tracer, edge, settings, control };
-        let (direct, mut complete) = lamps::direct(&job, &mut checkpoint.direct);
+        let landings = lamps::Landings::new(&job);
+        let (direct, mut complete) = lamps::direct(&job, &mut checkpoint.direct, &landings);
         if !go() {
             return None;
         }
         // What a stage computes depends on all that the stage before has.
         let job = if complete { job } else { Job { control: &HALT, ..job } };
-        let (specular, whole) = lamps::specular(&job, &mut checkpoint.specular, &direct);
+        let (specular, whole) = lamps::specular(&job, &mut checkpoint.specular, &landings, &direct);
         complete &= whole;
         let job = if complete { job } else { Job { control: &HALT, ..job } };
         let dark = Layer::dark(scene, &sheets, edge);
