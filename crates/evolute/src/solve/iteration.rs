@@ -24,10 +24,14 @@ const UNSHOT: f64 = 0.05;
 const UNSHOT_HERE: f64 = 0.1;
 
 impl Solver<'_> {
-    /// Flux that waits at all patches of a layer, straight and towards specular surfaces, luminances [W].
-    fn waiting(&self, layer: usize) -> Vec<[f64; 2]> {
-        let (source, layer) = (&self.sources[layer], &self.solution.layers[layer]);
-        (0..layer.patches.len()).into_par_iter().map(|p| source.waiting(layer, p)).collect()
+    /// Flux that waits at all patches, straight and towards specular surfaces, luminances [W].
+    fn waiting(&self) -> Vec<(Shooter, [f64; 2])> {
+        let of = |l: usize| {
+            let (source, layer) = (&self.sources[l], &self.solution.layers[l]);
+            let patches = (0..layer.patches.len()).into_par_iter();
+            patches.map(move |p| ((l, p as Patch), source.waiting(layer, p)))
+        };
+        of(0).chain(of(1)).chain(of(2)).collect()
     }
 
     /// One turn of the loop of Fig. 4; `None` when what waits no longer matters.
@@ -83,35 +87,12 @@ impl Solver<'_> {
     /// What to do next. Looking for the next shooter costs as much as some shots, so that by flux all shoot
     /// that have at least half of the largest, the largest first.
     fn plan(&self) -> Plan {
-        let all = [0, 1, 2].map(|layer| self.waiting(layer));
-        let each = || {
-            all.iter()
-                .enumerate()
-                .flat_map(|(l, of)| of.iter().enumerate().map(move |(p, w)| ((l, p as Patch), *w)))
-        };
-        let sums = each().fold([0.0; 2], |sum, (_, w)| [sum[0] + w[0].abs(), sum[1] + w[1].abs()]);
+        let waiting = self.waiting();
+        let sums =
+            waiting.iter().fold([0.0; 2], |sum, (_, w)| [sum[0] + w[0].abs(), sum[1] + w[1].abs()]);
         let scheme = self.settings.scheme;
         if sums[0] + sums[1] <= self.negligible() {
-            let here = self.negligible_here();
-            let area = |(layer, patch): Shooter| {
-                self.solution.layers[layer].patches[patch as usize].weights.iter().sum::<f64>()
-            };
-            let left = |way: usize| {
-                each().filter(move |(s, w)| w[way].abs() > here * area(*s)).map(|(s, _)| s)
-            };
-            let mut shooters: Vec<Shooter> = left(Way::Straight as usize).collect();
-            if scheme == Scheme::Joint {
-                shooters.extend(left(Way::Specular as usize));
-                shooters.sort_unstable();
-                shooters.dedup();
-            }
-            return if !shooters.is_empty() {
-                Plan::Diffuse(shooters)
-            } else if scheme != Scheme::Joint && left(Way::Specular as usize).next().is_some() {
-                Plan::Specular
-            } else {
-                Plan::Rest
-            };
+            return self.plan_places(&waiting);
         }
         if scheme != Scheme::Joint && sums[1] > sums[0] {
             return Plan::Specular;
@@ -127,7 +108,8 @@ impl Solver<'_> {
             Scheme::Flux => waiting[0].abs(),
             Scheme::Joint => (waiting[0] + waiting[1]).abs(),
         };
-        let mut keys: Vec<(f64, Shooter)> = each().map(|(s, w)| (key(s, w), s)).collect();
+        let mut keys: Vec<(f64, Shooter)> =
+            waiting.into_iter().map(|(s, w)| (key(s, w), s)).collect();
         // Taken from the end; of equals the lower number first.
         keys.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         let largest = keys.last().map_or(0.0, |k| k.0);
@@ -136,6 +118,28 @@ impl Solver<'_> {
             _ => keys.partition_point(|k| k.0 < 0.5 * largest),
         };
         Plan::Diffuse(keys[first..].iter().map(|k| k.1).collect())
+    }
+
+    /// The same once what waits in all does not matter, given what waits at each patch: where it still matters.
+    fn plan_places(&self, waiting: &[(Shooter, [f64; 2])]) -> Plan {
+        let here = self.negligible_here();
+        let matters = |(layer, patch): Shooter, flux: f64| {
+            let weights = self.solution.layers[layer].patches[patch as usize].weights;
+            flux.abs() > here * weights.iter().sum::<f64>()
+        };
+        let is_joint = self.settings.scheme == Scheme::Joint;
+        let shoots = |(s, [straight, specular]): &(Shooter, [f64; 2])| {
+            matters(*s, *straight) || (is_joint && matters(*s, *specular))
+        };
+        let shooters: Vec<Shooter> =
+            waiting.iter().filter(|w| shoots(w)).map(|(s, _)| *s).collect();
+        if !shooters.is_empty() {
+            Plan::Diffuse(shooters)
+        } else if !is_joint && waiting.iter().any(|(s, w)| matters(*s, w[1])) {
+            Plan::Specular
+        } else {
+            Plan::Rest
+        }
     }
 
     /// Flux that may be left waiting: what it could still bring, mean over all surfaces, is a small part of
