@@ -27,6 +27,9 @@ const ITERATIONS: u64 = 256;
 /// The part of the flux that waits at the end of most runs.
 const LAST: f64 = 1e-3;
 
+/// What flux may be scaled by before people are told.
+const CORRECTED: f64 = 0.02;
+
 /// A mean reflectance at which people who wait should be told why.
 const BRIGHT: f64 = 0.98;
 
@@ -68,8 +71,8 @@ impl<'s> Job<'_, 's> {
                 }
                 read.outcome.ok_or_else(|| {
                     Failure::Input(format!(
-                        "the solution '{0}' was interrupted before it was one; go on with \
-                         evolute solve -o '{0}' --resume",
+                        "the solution '{}' was interrupted before it was one; repeat the run that made it, \
+                         with --resume",
                         path.display()
                     ))
                 })?
@@ -216,6 +219,17 @@ pub fn tell(outcome: &Outcome<'_>, common: &Common, summary: &mut Summary) -> Ac
             shares(ledger)
         ),
     );
+    let correction = counts.correction;
+    if correction > CORRECTED {
+        session::note(
+            common,
+            &format!(
+                "meshes do not resolve how light comes to some places (through narrow gaps, as it seems): reflected light \
+                 was scaled by {:.1} % to conserve flux, and may be wrong by more than its error figures",
+                100.0 * correction
+            ),
+        );
+    }
     accuracy
 }
 
@@ -243,7 +257,7 @@ pub fn shortfall(outcome: &Outcome<'_>, file: Option<&Path>) -> Option<String> {
     Some(match file {
         None => "the radiosity solution was stopped by --max-time or --max-iterations".into(),
         Some(path) => format!(
-            "a limit stopped the run that made '{0}'; evolute solve -o '{0}' --resume goes on",
+            "a limit stopped the run that made '{}'; repeat that run with --resume to go on",
             path.display()
         ),
     })
@@ -252,14 +266,19 @@ pub fn shortfall(outcome: &Outcome<'_>, file: Option<&Path>) -> Option<String> {
 /// The ledger in percent of what was emitted.
 fn shares(ledger: &Ledger) -> String {
     let all = ledger.emitted.luminance();
-    let percent = |f: Rgb| if all > 0.0 { 100.0 * f.luminance() / all } else { 0.0 };
+    // Rounding has no sign.
+    let rounded = |x: f64, scale: f64| (x * scale).round() / scale + 0.0;
+    let percent = |f: Rgb, digits: i32| {
+        let part = if all > 0.0 { 100.0 * f.luminance() / all } else { 0.0 };
+        rounded(part, 10f64.powi(digits))
+    };
     format!(
         "of the flux emitted {:.3} % was absorbed, {:.3} % escaped, {:.3} % is unshot, {:.4} % was cut, {:+.4} % is \
          discretisation",
-        percent(ledger.absorbed),
-        percent(ledger.escaped),
-        percent(ledger.unshot),
-        percent(ledger.cut),
-        percent(ledger.discretisation),
+        percent(ledger.absorbed, 3),
+        percent(ledger.escaped, 3),
+        percent(ledger.unshot, 3),
+        percent(ledger.cut, 4),
+        percent(ledger.discretisation, 4),
     )
 }

@@ -1,6 +1,8 @@
 //! The radiosity solution against known answers.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+#[path = "solve/black.rs"]
+mod black;
 #[allow(dead_code, missing_docs)] // shared with the answers at receivers, which need more of it
 #[path = "answers/cases.rs"]
 mod cases;

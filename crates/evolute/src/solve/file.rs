@@ -245,7 +245,7 @@ pub fn decode_solution<'s>(
             let layers = [layer(a)?, layer(b)?, layer(c)?];
             Some(Outcome {
                 settings,
-                solution: Solution::new(sheets, layers),
+                solution: Solution::new(scene, sheets, layers),
                 ledger: stored.ledger,
                 counts: stored.counts,
                 is_complete: stored.is_complete,

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::source::{Balance, Way};
 use super::transport::{Fate, Patch};
-use super::{Component, Iteration, Scheme, Shooter, Solver};
+use super::{Component, Iteration, MOST_REFLECTED, Scheme, Shooter, Solver};
 use crate::geometry::Rgb;
 use crate::trace::tree::Losses;
 
@@ -64,14 +64,19 @@ impl Solver<'_> {
         Some(Iteration::Diffuse)
     }
 
-    /// Finds the factor by which flux is conserved, of all light as it is now, and brings all that was received so far to
-    /// it: what a run ends with does not depend on the way there.
-    fn conserve(&mut self) {
+    /// What all patches send.
+    pub(super) fn balance(&self) -> Balance {
         let mut balance = Balance::default();
         for (source, layer) in self.sources.iter().zip(&self.solution.layers) {
             balance += source.balance(layer);
         }
-        let factor = balance.factor();
+        balance
+    }
+
+    /// Finds the factor by which flux is conserved, of all light as it is now, and brings all that was received so far to
+    /// it: what a run ends with does not depend on the way there.
+    fn conserve(&mut self) {
+        let factor = self.balance().factor();
         let change = factor - self.factor;
         self.factor = factor;
         self.counts.correction = (factor - Rgb::WHITE).map(f64::abs).luminance();
@@ -149,7 +154,7 @@ impl Solver<'_> {
         let indirect = solution.layer(Component::Indirect);
         let (_, reflected) = indirect.area_and_reflectance();
         let received = indirect.flux().0.luminance();
-        UNSHOT * self.settings.transfer.relative * received * (1.0 - reflected.min(0.999))
+        UNSHOT * self.settings.transfer.relative * received * (1.0 - reflected.min(MOST_REFLECTED))
     }
 
     /// Radiosity that may be left waiting in any one patch, luminance [W/m²]: between two surfaces that stand close to each

@@ -106,7 +106,8 @@ impl Piece {
             let linear: f32 = (0..3).map(|c| weights[c] * self.corners[c][i]).sum();
             let bend: f32 =
                 (0..3).map(|e| weights[e] * weights[(e + 1) % 3] * self.bends[e][i]).sum();
-            f64::from(linear + 4.0 * bend)
+            // A parabola through nothing at one end, and little in the middle, has less in between.
+            f64::from((linear + 4.0 * bend).max(0.0))
         }))
     }
 }

@@ -171,6 +171,9 @@ const THROUGHPUT: f64 = 0.01;
 /// For stages after one for which there was no time.
 const HALT: Control<'static> = Control { order: &|| Order::Finish, progress: &|_, _, _| {} };
 
+/// Where all light is reflected, none comes to rest: more than this is not believed of a mean reflectance.
+const MOST_REFLECTED: f64 = 0.999;
+
 /// Triangles at first, lamps' and mirrors' surfaces counted as if they had some too.
 const FIRST_TRIANGLES: f64 = 2000.0;
 
@@ -225,7 +228,7 @@ impl<'s> Solver<'s> {
         complete &= whole;
         let job = if complete { job } else { Job { control: &HALT, ..job } };
         let dark = Layer::dark(scene, &sheets, edge);
-        let mut solution = Solution::new(sheets.clone(), [direct, specular, dark]);
+        let mut solution = Solution::new(scene, sheets.clone(), [direct, specular, dark]);
         if !go() {
             return None;
         }
@@ -329,10 +332,13 @@ impl<'s> Solver<'s> {
     pub fn finish(&mut self) {
         self.solution.indirect_mut().estimate_interpolation(&[]);
         propagation::pass_on(&mut self.solution.layers, &self.sources);
-        // Either what rows say is right, or flux. What all places together have too much or too little is taken out, so
-        // that this is passed on no further.
-        let scaled = (self.factor - Rgb::WHITE).map(f64::abs);
+        // Either what rows say is right, or flux. What comes to black surfaces, or leaves, is known by rows only, as is what
+        // comes to others: that it is wrong by as much adds up over all reflections.
+        let lost = self.balance().lost();
         let indirect = self.solution.indirect_mut();
+        let (_, reflected) = indirect.area_and_reflectance();
+        let bounces = 1.0 / (1.0 - reflected.min(MOST_REFLECTED));
+        let scaled = (self.factor - Rgb::WHITE).map(|x| x.abs() + x.abs().min(lost) * bounces);
         for (light, error) in self.received.iter().zip(&mut indirect.error) {
             error.own += (*light * scaled).luminance().abs();
         }

@@ -1,6 +1,6 @@
 //! What the first pass leaves, with all that there is to say about it.
 
-use super::{Component, Ledger, Solution, Solver, SolverCounts, SolverSettings};
+use super::{Component, Ledger, MOST_REFLECTED, Solution, Solver, SolverCounts, SolverSettings};
 
 /// A solution, what was asked of it, and what it took.
 #[derive(Clone, Debug)]
@@ -41,9 +41,6 @@ impl Outcome<'_> {
 
 /// How much more of its light may be missing in one place than in the mean.
 const UNEVEN: f64 = 2.0;
-
-/// Where all light is reflected, none comes to rest: more than this is not believed of a mean reflectance.
-const MOST_REFLECTED: f64 = 0.999;
 
 impl<'s> Solver<'s> {
     /// Makes the solution ready to be read. To be called after the last step.

@@ -45,19 +45,19 @@ pub struct Solution<'s> {
     sheet_of: HashMap<(ShapeId, bool), usize>,
     /// By [`Component`].
     pub(super) layers: [Layer<'s>; 3],
-    /// Where lamps throw more light than around.
+    /// Where more light comes from than from around, or less.
     bright: Vec<Bright>,
 }
 
 impl<'s> Solution<'s> {
     /// Light on meshes over the same sheets, by [`Component`].
-    pub(super) fn new(sheets: Vec<Sheet>, layers: [Layer<'s>; 3]) -> Self {
+    pub(super) fn new(scene: &Scene, sheets: Vec<Sheet>, layers: [Layer<'s>; 3]) -> Self {
         let sheet_of = sheets.iter().enumerate().map(|(i, s)| ((s.shape, s.front), i)).collect();
-        let bright = bright_places(&sheets, &layers);
+        let bright = bright_places(scene, &sheets, &layers);
         Self { sheets, sheet_of, layers, bright }
     }
 
-    /// Places on which lamps throw much more light than on others.
+    /// Places that shine much more than others, or less.
     pub(super) fn bright(&self) -> &[Bright] {
         &self.bright
     }

@@ -30,13 +30,16 @@ impl Fate {
 /// What patches send, straight and to specular surfaces, and what vertices receive of it by their rows [W].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Balance {
-    /// Of all light that patches reflect now, whether it was shot or waits.
+    /// All light that patches reflect now, whether it was shot or waits.
+    reflected: Rgb,
+    /// What of it comes to diffuse surfaces.
     sent: Rgb,
     received: Rgb,
 }
 
 impl AddAssign for Balance {
     fn add_assign(&mut self, other: Self) {
+        self.reflected += other.reflected;
         self.sent += other.sent;
         self.received += other.received;
     }
@@ -62,6 +65,12 @@ impl Balance {
                 1.0
             }
         }))
+    }
+
+    /// The part that does not come to diffuse surfaces, of the luminance.
+    pub fn lost(&self) -> f64 {
+        let all = self.reflected.luminance();
+        if all > 0.0 { (1.0 - self.sent.luminance() / all).clamp(0.0, 1.0) } else { 0.0 }
     }
 }
 
@@ -108,7 +117,9 @@ impl Source {
             for c in 0..3 {
                 let fate = &self.transport.fates[corners.vertices[c] as usize];
                 let lost = fate.losses[0].sum() + fate.losses[1].sum();
-                balance.sent += all[c] * (Rgb::WHITE - lost) * corners.weights[c];
+                let flux = all[c] * corners.weights[c];
+                balance.reflected += flux;
+                balance.sent += flux * (Rgb::WHITE - lost);
                 balance.received += all[c] * self.reach[p][c];
             }
             balance

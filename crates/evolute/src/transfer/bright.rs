@@ -5,7 +5,7 @@ use crate::trace::tree::Leaf;
 
 use super::settings::Receiver;
 
-/// A place that shines more than what is around it.
+/// A place that shines more than what is around it, or less.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bright {
     /// Its middle, by flux [m].
@@ -14,7 +14,7 @@ pub struct Bright {
     pub normal: UnitVector3,
     /// Root mean square distance of its flux from its middle [m].
     pub radius: f64,
-    /// What it sends beyond what its surroundings would, luminance [W].
+    /// What it sends beyond what its surroundings would, without sign; luminance [W].
     pub flux: f64,
 }
 
