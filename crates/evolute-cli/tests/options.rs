@@ -114,10 +114,11 @@ fn scene_parameters() {
 }
 
 #[test]
-fn an_integrator_is_answered_with_one_line() {
+fn an_integrator_of_other_light_is_answered_with_one_line() {
     let folder = Folder::new("integrator");
     let with = |text: &str| SCENE.replace("<default", &format!("{text}<default"));
-    folder.write("s.xml", with("<integrator type=\"path\"/>"));
+    folder.write("s.xml", with("<integrator type=\"direct\"/>"));
+    folder.write("same.xml", with("<integrator type=\"path\"/>"));
     folder.write(
         "short.xml",
         with("<integrator type=\"path\"><integer name=\"max_depth\" value=\"1\"/></integrator>"),
@@ -129,6 +130,9 @@ fn an_integrator_is_answered_with_one_line() {
     let quiet = folder.run_with(&["probe", "s.xml", "--points", "-", "-q"], POINTS);
     assert!(stderr(&quiet).is_empty());
     assert_eq!(stdout(&quiet), stdout(&output));
+    let same = folder.run_with(&["probe", "same.xml", "--points", "-"], POINTS);
+    assert!(stderr(&same).is_empty());
+    assert_eq!(stdout(&same), stdout(&output));
     // One edge is the way from a lamp straight to the receiver.
     let short = folder.run_with(&["probe", "short.xml", "--points", "-", "--json"], POINTS);
     assert_eq!(json(&short)["max_specular"], 0);
