@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use evolute::scene::load_file;
 
 /// Mutations of each scene.
-const MUTATIONS: usize = 500;
+const MUTATIONS: usize = 1_000;
 
 /// A small generator of pseudo-random numbers (Vigna, splitmix64).
 struct Random(u64);
